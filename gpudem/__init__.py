@@ -1,0 +1,1 @@
+"""gpudem: a discrete element solver on NVIDIA Warp, built to be verified."""

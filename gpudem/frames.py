@@ -1,0 +1,144 @@
+"""VTU frames and one .pvd with physical time: what every code's output ends as, and the one reader for it.
+
+A frame is a table: column name -> array, in order of particle id. Columns: id, material, position [m],
+velocity [m/s], angular_velocity [rad/s], radius [m], force [N], torque [N m].
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from gpudem.errors import GpudemError
+from gpudem.scene import Plane, Scene
+
+Frame = dict[str, np.ndarray]
+
+PVD = "run.pvd"
+
+
+class FrameError(GpudemError):
+    """A frame file is missing, truncated or not what it should be."""
+
+
+def write_vtu(path: Path, frame: Frame) -> None:
+    """One frame as binary XML unstructured grid of vertices; points and the array `position` are float64."""
+    import meshio
+
+    n = len(frame["position"])
+    data = {k: np.ascontiguousarray(v) for k, v in frame.items()}
+    mesh = meshio.Mesh(data["position"], [("vertex", np.arange(n).reshape(-1, 1))], point_data=data)
+    partial = path.with_suffix(".part")
+    mesh.write(partial, file_format="vtu", binary=True, compression=None)
+    partial.replace(path)  # a killed run leaves no half-written frame under its final name
+
+
+def read_vtu(path: Path) -> Frame:
+    """The arrays of a .vtu file as they stand in it. Raises FrameError naming the file."""
+    import meshio
+
+    if not path.is_file():
+        raise FrameError(f"{path}: no such frame")
+    try:
+        mesh = meshio.read(path, file_format="vtu")
+    except (Exception, SystemExit) as error:  # meshio raises many kinds, and exits on some broken files
+        raise FrameError(f"{path}: truncated or corrupted VTU ({type(error).__name__}: {error})") from error
+    return {"points": np.asarray(mesh.points), **{k: np.asarray(v) for k, v in mesh.point_data.items()}}
+
+
+def _walls_mesh(planes: list[Plane], lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Each plane as a rectangle: axis-aligned ones cut to lo..hi, tilted ones as large as its diagonal."""
+    points, size = [], float(np.linalg.norm(hi - lo))
+    for plane in planes:
+        normal, centre = np.array(plane.normal), (lo + hi) / 2
+        foot = centre - ((centre - np.array(plane.point)) @ normal) * normal
+        axis = int(np.argmax(np.abs(normal)))
+        u = np.roll(np.eye(3)[axis], 1)
+        u -= (u @ normal) * normal
+        u /= np.linalg.norm(u)
+        v = np.cross(normal, u)
+        half = [np.abs((hi - lo) @ d) / 2 if np.abs(normal).max() > 1 - 1e-12 else size / 2 for d in (u, v)]
+        points += [foot + a * half[0] * u + b * half[1] * v for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    return np.array(points).reshape(-1, 3), np.arange(4 * len(planes)).reshape(-1, 4)
+
+
+class FrameWriter:
+    """Writes frames/p_<step>.vtu and, after each, run.pvd, so that an aborted run still opens."""
+
+    def __init__(self, directory: Path, scene: Scene):
+        self.directory, self.scene = directory, scene
+        (directory / "frames").mkdir(parents=True, exist_ok=True)
+        self._entries: list[tuple[float, int, str]] = []
+        self._walls = [(a, self._write_walls(k, planes)) for k, (a, _, planes) in enumerate(scene.segments)]
+
+    def add(self, step: int, frame: Frame) -> None:
+        """Write one frame at `step` and bring the .pvd up to date."""
+        time, name = step * self.scene.time.step, f"frames/p_{step:09d}.vtu"
+        write_vtu(self.directory / name, frame)
+        self._entries.append((time, 0, name))
+        walls = [name for start, name in self._walls if start < step or start == 0][-1]
+        if walls:
+            self._entries.append((time, 1, walls))
+        write_pvd(self.directory / PVD, self._entries)
+
+    def _write_walls(self, k: int, planes: list[Plane]) -> str | None:
+        if not planes:
+            return None
+        import meshio
+
+        points, quads = _walls_mesh(planes, np.array(self.scene.domain.lo), np.array(self.scene.domain.hi))
+        name = f"frames/walls_{k}.vtu"
+        meshio.Mesh(points, [("quad", quads)]).write(self.directory / name, binary=True, compression=None)
+        return name
+
+
+def write_pvd(path: Path, entries: list[tuple[float, int, str]]) -> None:
+    """A ParaView collection of (time [s], part, file)."""
+    root = ElementTree.Element("VTKFile", type="Collection", version="0.1", byte_order="LittleEndian")
+    collection = ElementTree.SubElement(root, "Collection")
+    for time, part, name in entries:
+        ElementTree.SubElement(collection, "DataSet", timestep=repr(time), part=str(part), file=name)
+    ElementTree.indent(root)
+    partial = path.with_suffix(".part")
+    ElementTree.ElementTree(root).write(partial, xml_declaration=True)
+    partial.replace(path)
+
+
+@dataclasses.dataclass(frozen=True)
+class Frames:
+    """The frames of a run, read when asked for: `frames[0]`, `frames[-1]`, `for frame in frames`."""
+
+    directory: Path
+    times: np.ndarray
+    """Physical times [s], shape (frames,)."""
+    names: list[str]
+
+    @classmethod
+    def open(cls, directory: Path) -> Frames:
+        """From run.pvd. Raises FrameError if it is missing or broken."""
+        path = directory / PVD
+        if not path.is_file():
+            return cls(directory, np.zeros(0), [])
+        try:
+            sets = ElementTree.parse(path).getroot().findall("Collection/DataSet")
+        except ElementTree.ParseError as error:
+            raise FrameError(f"{path}: broken: {error}") from error
+        mine = [s for s in sets if s.get("part") == "0"]
+        return cls(directory, np.array([float(s.attrib["timestep"]) for s in mine]), [s.attrib["file"] for s in mine])
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __getitem__(self, k: int) -> Frame:
+        return read_vtu(self.directory / self.names[k])
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (self[k] for k in range(len(self)))
+
+    def at(self, time: float) -> Frame:
+        """The frame nearest to a time [s]."""
+        return self[int(np.argmin(np.abs(self.times - time)))]
