@@ -1,0 +1,28 @@
+# The two commands of the README. Both set up what is missing first; a second run skips that in under a second.
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+.PHONY: help verify test lint setup clean
+
+help: ## this list
+	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile | expand -t 16
+
+verify: ## compare gpudem with LIGGGHTS and closed forms (standard tier); last line: the report's path
+	@bash tools/setup.sh run
+	@.venv/bin/gpudem compare --tier standard $(ARGS)
+
+test: ## the test suite; ARGS="-k scene" to select
+	@bash tools/setup.sh test
+	@.venv/bin/python -m pytest $(ARGS)
+
+lint: ## ruff, its formatter and the type checker
+	@bash tools/setup.sh lint
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+	.venv/bin/pyright --warnings
+
+setup: ## everything that verify, test and lint need
+	@bash tools/setup.sh run test lint
+
+clean: ## remove the environment and caches; keeps runs/
+	rm -rf .venv build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -not -path './runs/*' -prune -exec rm -rf {} +
