@@ -1,0 +1,78 @@
+"""LIGGGHTS 3.8 as a reference code: one function, `run(scene, directory) -> Run`."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+from gpudem.run import Run, Timing
+from gpudem.scene import Scene
+from reference.liggghts import binary as program
+from reference.liggghts import dump, recorded
+from reference.liggghts.deck import RAW, render
+from reference.liggghts.errors import LiggghtsFailed, LiggghtsNotFound
+from reference.liggghts.runner import execute
+
+
+def run(
+    scene: Scene, directory: Path, *, ranks: int = 1, timeout: float | None = None,
+    progress: Callable[[int], None] | None = None, use_recorded: bool = True,
+) -> Run:  # fmt: skip
+    """Run a scene in LIGGGHTS; deck.in, particles.data and log.liggghts stay in the directory beside the result.
+
+    Args:
+        ranks: MPI processes.
+        timeout: Wall-clock limit [s].
+        progress: Called with the number of steps done.
+        use_recorded: Where the binary is missing, take output recorded for exactly this deck, if there is any; the
+            run's warnings and notes then say so.
+
+    Raises:
+        LiggghtsCannotState: LIGGGHTS has no words for something in the scene.
+        LiggghtsNotFound: no binary and nothing recorded; says how to install it.
+        LiggghtsFailed, LiggghtsTimeout: the run did not reach its end.
+        LiggghtsOutputError: a dump is missing or broken.
+    """
+    directory = Path(directory)
+    deck = render(scene, ranks)
+    try:
+        binary = program.find_liggghts()
+    except LiggghtsNotFound as error:
+        kept = recorded.recall(deck.hash, scene, directory) if use_recorded else None
+        if kept is None:
+            raise LiggghtsNotFound(
+                f"{error}\n  and no output is recorded for deck {deck.hash[:12]}"
+            ) from None
+        return kept
+    _clear(directory)
+    outcome = execute(deck, directory, binary, ranks=ranks, timeout=timeout, progress=progress)
+    console = outcome.console
+    traced = (
+        dump.trace(scene, directory / RAW / "trace.txt") if scene.output.trace_every is not None else None
+    )
+    history = dump.history(scene, console.blocks)
+    dump.frames(scene, directory)
+    timing = Timing(
+        particles=len(scene.state), steps=scene.n_steps, stepping_s=max(0.0, outcome.loop_s - console.output_s),
+        setup_s=outcome.wall_s - outcome.loop_s, output_s=console.output_s, cores=ranks,
+        peak_memory_bytes=outcome.peak_memory_bytes,
+    )  # fmt: skip
+    notes = {"deck_hash": deck.hash, "ranks": ranks, "recorded": False, "binary": binary, **console.counts}
+    result = Run(
+        "liggghts", console.version, scene, directory, timing, list(console.warnings), notes, traced, history
+    )
+    result.save()
+    return result
+
+
+def _clear(directory: Path) -> None:
+    """Remove what an earlier run left, so that a failed run cannot pass for it. Raises LiggghtsFailed."""
+    try:
+        for name in ("run.json", "run.pvd", "history.csv", "trace.npz"):
+            (directory / name).unlink(missing_ok=True)
+        for name in (RAW, "frames"):
+            if (directory / name).is_dir():
+                shutil.rmtree(directory / name)
+    except OSError as error:
+        raise LiggghtsFailed(f"{directory}: cannot be written: {error}") from error

@@ -1,0 +1,237 @@
+"""Scene -> LIGGGHTS input: a deck (commands) and a data file (particles), the same text for the same physics.
+
+Nothing of a scene reaches the deck but numbers, axis letters and wall names (letters, digits, underscore): a deck can
+run shell commands, so titles and other free text never enter it. Each section is one template in `templates/`, and
+is rendered only where `scene.needs` asks for it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import jinja2
+
+from gpudem.scene import Pair, Plane, Scene
+from reference.liggghts import limits
+from reference.liggghts.decomposition import processors
+
+DECK, DATA, LOG, RAW = "deck.in", "particles.data", "log.liggghts", "raw"
+"""File names in the run directory; RAW is the folder of unconverted dumps."""
+
+#: About so many progress lines per run, whatever the history interval.
+PROGRESS_LINES = 100
+#: Young's modulus below which LIGGGHTS wants `soft_particles yes` [Pa].
+SOFT = 5e6
+
+
+@dataclasses.dataclass(frozen=True)
+class Segment:
+    """One `run` command."""
+
+    first: int
+    """Step at its start."""
+    last: int
+    """Step at its end."""
+    walls: tuple[str, ...]
+    """Names of the planes present."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Deck:
+    """What LIGGGHTS is given."""
+
+    text: str
+    """Commands (deck.in)."""
+    data: str
+    """Particles (particles.data), 17 digits."""
+    segments: tuple[Segment, ...]
+
+    @functools.cached_property
+    def hash(self) -> str:
+        """SHA-256 over commands and particles; knows no directory, no scene name, no title."""
+        return hashlib.sha256(f"{self.text}\0{self.data}".encode()).hexdigest()
+
+
+def render(scene: Scene, ranks: int = 1) -> Deck:
+    """The deck of a scene for a number of MPI ranks. Raises LiggghtsCannotState naming the item of the scene."""
+    limits.check(scene)
+    segments = tuple(Segment(a, b, tuple(p.name for p in planes)) for a, b, planes in scene.segments)
+    facts = {
+        "scene": scene, "needs": scene.needs, "segments": segments, "planes": [_plane(scene, p) for p in scene.planes],
+        "boundary": " ".join("p" if p else "f" for p in scene.domain.periodic),
+        "soft": any(m.young < SOFT for m in scene.materials.values()),
+        "properties": properties(scene), "model": model(scene), "switches": switches(scene),
+        "processors": processors(scene, ranks) if ranks > 1 else None,
+        "gravity": math.sqrt(math.fsum(c * c for c in scene.gravity)),
+        "thermo_stride": thermo_stride(scene), "frame_stride": scene.frame_stride,
+        "trace_stride": scene.stride(scene.output.trace_every),
+        "data_file": DATA, "raw": RAW,
+    }  # fmt: skip
+    sections = [
+        "header",
+        "particles",
+        "materials",
+        "contact",
+        "walls",
+        "gravity",
+        "integration",
+        "history",
+        "frames",
+    ]
+    sections += ["trace", "run"]
+    present = {
+        "walls": scene.needs.walls,
+        "gravity": scene.needs.gravity,
+        "trace": scene.output.trace_every is not None,
+    }
+    text = [_environment().get_template(f"{s}.j2").render(facts) for s in sections if present.get(s, True)]
+    return Deck("".join(text), data(scene), segments)
+
+
+def history_columns(scene: Scene) -> list[str]:
+    """What the columns of a thermo line are, in order (LIGGGHTS cuts its own headings to eight letters)."""
+    columns = [
+        "step",
+        "time",
+        "particles",
+        "kinetic_energy",
+        "front_x",
+        "centre_x",
+        "centre_y",
+        "centre_z",
+        "touches",
+    ]
+    columns += ["rotational_energy"] if scene.needs.rotation else []
+    return columns + [f"touch_{p.name}" for p in scene.planes]
+
+
+def thermo_stride(scene: Scene) -> int:
+    """Steps between thermo lines: a divisor of the history interval, fine enough to show progress."""
+    wanted = max(1, scene.n_steps // PROGRESS_LINES)
+    stride = scene.stride(scene.output.history_every)
+    if stride is None:
+        return wanted
+    return max(d for d in range(1, min(stride, wanted) + 1) if stride % d == 0)
+
+
+def model(scene: Scene) -> str:
+    """The words between `pair_style gran model` and the switches; walls get the same.
+
+    Without friction there is no tangential model at all: with `history` and mu = 0 the set-up step of LIGGGHTS still
+    applies the tangential dashpot.
+    """
+    words = [scene.contact.normal]
+    if scene.needs.tangential:
+        words += ["tangential", scene.contact.tangential]
+    if scene.needs.rolling:
+        words += ["rolling_friction", scene.contact.rolling]
+    return " ".join(words)
+
+
+def switches(scene: Scene) -> str:
+    """Settings of the contact model; on a wall they must come after the `primitive` words."""
+    words = ["limitForce on"] if scene.contact.limit_force else []
+    if scene.needs.tangential and not scene.contact.tangential_damping:
+        words.append("tangential_damping off")
+    return " ".join(words)
+
+
+def properties(scene: Scene) -> list[tuple[str, str]]:
+    """(name, values) of every `fix property/global` that the contact model reads; one type per material, in order."""
+    kinds = len(scene.materials)
+    found: list[tuple[str, str]] = []
+
+    def per_type(name: str, value: Callable[..., float]) -> None:
+        found.append((name, f"peratomtype {' '.join(repr(value(m)) for m in scene.materials.values())}"))
+
+    def per_pair(name: str, value: Callable[[Pair], float], filler: float) -> None:
+        rows = [_pair_value(scene, a, b, value, filler) for a in scene.materials for b in scene.materials]
+        found.append((name, f"peratomtypepair {kinds} {' '.join(repr(v) for v in rows)}"))
+
+    if scene.contact.normal == "hertz/stiffness":
+        per_pair("kn", lambda p: p.kn or 0.0, 0.0)
+        per_pair("kt", lambda p: p.kt or 0.0, 0.0)
+        per_pair("gamman", lambda p: p.gamma_n or 0.0, 0.0)
+        per_pair("gammat", lambda p: p.gamma_t or 0.0, 0.0)
+    else:
+        per_type("youngsModulus", lambda m: m.young)
+        per_type("poissonsRatio", lambda m: m.poisson)
+        per_pair("coefficientRestitution", lambda p: p.restitution, 1.0)
+    if scene.contact.normal == "hooke":
+        found.append(("characteristicVelocity", f"scalar {scene.contact.characteristic_velocity!r}"))
+    if scene.needs.tangential:
+        per_pair("coefficientFriction", lambda p: p.friction, 0.0)
+    if scene.needs.rolling:
+        per_pair("coefficientRollingFriction", lambda p: p.rolling_friction, 0.0)
+    return found
+
+
+def _pair_value(scene: Scene, a: str, b: str, value: Callable[[Pair], float], filler: float) -> float:
+    """LIGGGHTS wants a complete symmetric matrix; pairs that cannot meet (wall with wall) get the `filler`.
+
+    The filler is the value without effect: restitution 1 (no damping; 0 is refused), friction and stiffness 0.
+    """
+    pair = scene.pair(a, b)
+    return value(pair) if pair is not None and pair in scene.contact_pairs else filler
+
+
+def _plane(scene: Scene, plane: Plane) -> dict[str, object]:
+    """A plane across an axis in LIGGGHTS' words; LIGGGHTS' planes act on both sides, so the facing is only for counting."""
+    k = next(k for k in range(3) if plane.normal[k] != 0)
+    return {
+        "name": plane.name,
+        "type": scene.material_index[plane.material] + 1,
+        "axis": "xyz"[k],
+        "at": plane.point[k],
+        "facing": 1 if plane.normal[k] > 0 else -1,
+    }
+
+
+def box(scene: Scene) -> list[tuple[float, float]]:
+    """(lo, hi) [m] of the simulation box along x, y, z: the domain where periodic, else a tenth of a radius larger.
+
+    LIGGGHTS takes an atom on the upper face of a fixed box for one outside; the margin keeps it in.
+    """
+    margin = 0.1 * float(scene.state.radius.max())
+    return [
+        (lo, hi) if periodic else (lo - margin, hi + margin)
+        for lo, hi, periodic in zip(scene.domain.lo, scene.domain.hi, scene.domain.periodic, strict=True)
+    ]
+
+
+def data(scene: Scene) -> str:
+    """The read_data file: box, then `id type diameter density x y z`, then `id vx vy vz wx wy wz`; SI units."""
+    s = scene.state
+    density = [scene.materials[name].density for name in scene.material_index]
+    lines = ["gpudem particles", "", f"{len(s)} atoms", f"{len(scene.materials)} atom types", ""]
+    lines += [f"{lo:.17g} {hi:.17g} {a}lo {a}hi" for (lo, hi), a in zip(box(scene), "xyz", strict=True)]
+    lines += ["", "Atoms", ""]
+    columns = zip(s.material.tolist(), s.radius.tolist(), s.position.tolist(), strict=True)
+    lines += [
+        f"{i} {m + 1} {2 * r:.17g} {density[m]:.17g} {x:.17g} {y:.17g} {z:.17g}"
+        for i, (m, r, (x, y, z)) in enumerate(columns, 1)
+    ]
+    if s.velocity.any() or s.angular_velocity.any():
+        lines += ["", "Velocities", ""]
+        moving = zip(s.velocity.tolist(), s.angular_velocity.tolist(), strict=True)
+        lines += [
+            f"{i} {v[0]:.17g} {v[1]:.17g} {v[2]:.17g} {w[0]:.17g} {w[1]:.17g} {w[2]:.17g}"
+            for i, (v, w) in enumerate(moving, 1)
+        ]
+    return "\n".join([*lines, ""])
+
+
+@functools.cache
+def _environment() -> jinja2.Environment:
+    folder = Path(__file__).parent / "templates"
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(folder), undefined=jinja2.StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True, autoescape=False,
+    )  # fmt: skip
+    environment.filters["number"] = lambda value: repr(float(value))  # shortest text that reads back exactly
+    return environment

@@ -1,0 +1,27 @@
+"""What can go wrong with LIGGGHTS. Every message names the thing, where it happened and what to do."""
+
+from __future__ import annotations
+
+from gpudem.errors import GpudemError
+
+INSTALL = "apt-get install liggghts"
+
+
+class LiggghtsNotFound(GpudemError):
+    """No LIGGGHTS binary, and no recorded output for this deck."""
+
+
+class LiggghtsCannotState(GpudemError):
+    """The scene holds something that LIGGGHTS has no words for; names the item of the scene."""
+
+
+class LiggghtsFailed(GpudemError):
+    """LIGGGHTS stopped, was killed or produced NaN: its first ERROR line, the deck line and the log."""
+
+
+class LiggghtsTimeout(GpudemError):
+    """LIGGGHTS did not end within the time allowed and was ended."""
+
+
+class LiggghtsOutputError(GpudemError):
+    """A dump is missing, truncated or not what was asked for; names file and step."""

@@ -1,0 +1,44 @@
+"""What LIGGGHTS 3.8.0 refuses or has no words for, said before the deck is written and in terms of the scene."""
+
+from __future__ import annotations
+
+from gpudem.scene import Pair, Plane, Scene
+from reference.liggghts.errors import LiggghtsCannotState
+
+#: LIGGGHTS: `ERROR: 0.05 < coefficientRestitution <= 1 required` (fix property/global, SI units).
+MIN_RESTITUTION = 0.05
+#: LIGGGHTS: `ERROR: characteristicVelocity >= 1e-2 required for SI units` [m/s].
+MIN_CHARACTERISTIC_VELOCITY = 0.01
+
+
+def check(scene: Scene) -> None:
+    """Raises LiggghtsCannotState listing every item of the scene that LIGGGHTS cannot state."""
+    found = [_restitution(p) for p in scene.contact_pairs if _too_inelastic(scene, p)]
+    found += [_tilted(p) for p in scene.planes if max(map(abs, p.normal)) != 1.0]
+    speed = scene.contact.characteristic_velocity
+    if scene.contact.normal == "hooke" and speed is not None and speed < MIN_CHARACTERISTIC_VELOCITY:
+        found.append(
+            f"contact.characteristic_velocity = {speed:g} m/s: LIGGGHTS wants at least"
+            f" {MIN_CHARACTERISTIC_VELOCITY:g} m/s"
+        )
+    if found:
+        raise LiggghtsCannotState(
+            "\n".join(["LIGGGHTS cannot state this scene:", *(f"  - {f}" for f in found)])
+        )
+
+
+def _too_inelastic(scene: Scene, pair: Pair) -> bool:
+    # hertz/stiffness takes its damping from gamma_n; the restitution is not read
+    return scene.contact.normal != "hertz/stiffness" and pair.restitution <= MIN_RESTITUTION
+
+
+def _restitution(pair: Pair) -> str:
+    names = " / ".join(pair.materials)
+    return f"pairs {names}: restitution = {pair.restitution:g}: LIGGGHTS wants {MIN_RESTITUTION:g} < restitution <= 1"
+
+
+def _tilted(plane: Plane) -> str:
+    return (
+        f"walls.{plane.name}: normal {plane.normal}: LIGGGHTS has planes across x, y or z only"
+        " (a tilted wall would need a mesh); tilt gravity instead"
+    )
