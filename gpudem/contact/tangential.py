@@ -1,0 +1,43 @@
+"""Tangential laws: force on i in the tangent plane [N], and the shear spring after the step [m]."""
+
+from typing import Any
+
+import warp as wp
+
+
+@wp.func
+def history(c: Any, p: Any, kt: Any, ct: Any, fn: Any, spring: Any, dt: Any):
+    """Spring with memory and Coulomb slip (LIGGGHTS `history`).
+
+        s += v_t dt;  s -= (s.n) n           projected on the present tangent plane, length not restored
+        slip,  k_t |s| > mu |F_n|:           F_t = -mu |F_n| s/|s|,  s = -F_t/k_t,  no dashpot
+        stick, else:                         F_t = -k_t s - c_t v_t  (the dashpot is not capped)
+
+    F_n counts with its damping part. With dt = 0 the spring is only evaluated (set-up of a run).
+    Source: LIGGGHTS manual, gran_tangential_history; Cundall & Strack, Geotechnique 29 (1979) 47.
+    """
+    s = spring + dt * c.tangential_velocity
+    s = s - wp.dot(s, c.normal) * c.normal
+    force = -kt * s
+    trial = kt * wp.length(s)
+    limit = p.friction * wp.abs(fn)
+    if trial > limit:
+        force = (limit / trial) * force
+        s = -force / kt
+    else:
+        force = force - ct * c.tangential_velocity
+    return force, s
+
+
+@wp.func
+def no_history(c: Any, p: Any, kt: Any, ct: Any, fn: Any, spring: Any, dt: Any):
+    """Viscous friction without memory, F_t = -min(c_t, mu |F_n|/|v_t|) v_t (LIGGGHTS `no_history`)."""
+    speed = wp.length(c.tangential_velocity)
+    coefficient = ct
+    limit = p.friction * wp.abs(fn)
+    if ct * speed > limit:
+        coefficient = limit / speed
+    return -coefficient * c.tangential_velocity, spring
+
+
+TANGENTIAL = {"history": history, "no_history": no_history}

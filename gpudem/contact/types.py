@@ -1,0 +1,43 @@
+"""What a contact law reads: the geometry and motion of one contact, the coefficients of one material pair."""
+
+import functools
+from typing import Any
+
+from gpudem.device import wp
+
+REAL = {"float64": wp.float64, "float32": wp.float32}
+
+
+@functools.cache
+def contact_struct(real: Any) -> Any:
+    """The struct `Contact` in one precision. Particle i meets j (or a wall); normal points from j to i."""
+    vec3 = wp.types.vector(3, real)
+
+    @wp.struct
+    class Contact:
+        overlap: real  # delta [m], > 0 in contact
+        normal: vec3  # n, from j to i
+        normal_velocity: real  # (v_i - v_j).n [m/s], > 0 separating
+        tangential_velocity: vec3  # of the contact point, i against j [m/s]
+        spin: vec3  # w_i - w_j [rad/s]; at a wall w_i lever/(R - overlap)
+        radius_eff: real  # R* = R_i R_j/(R_i + R_j) [m]; at a wall R_i
+        mass_eff: real  # m* = m_i m_j/(m_i + m_j) [kg]; at a wall m_i
+        lever: real  # R_i - overlap/2 [m], from the centre of i to the contact point
+
+    return Contact
+
+
+@functools.cache
+def pair_struct(real: Any) -> Any:
+    """The struct `Pair` in one precision; `coefficients.py` fills it and says what k and c mean for each law."""
+
+    @wp.struct
+    class Pair:
+        k_normal: real
+        k_tangential: real
+        c_normal: real
+        c_tangential: real
+        friction: real  # mu [1]
+        rolling_friction: real  # mu_r [1]
+
+    return Pair

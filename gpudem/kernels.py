@@ -1,0 +1,232 @@
+"""The step kernel: contact forces of one particle, its second half kick, its next first half kick and drift.
+
+One thread a particle; both sides of a contact are computed apart, so nothing is added atomically and the
+result depends on neither thread count nor order. Built for what the scene needs (`Spec`), no more.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from gpudem.contact.law import contact_law
+from gpudem.contact.types import contact_struct
+from gpudem.spec import Spec
+from gpudem.state import structs
+from gpudem.walls import plane_distance
+
+#: Mode bits. SETUP: velocities are at the full step, springs are only evaluated. WRITE: keep forces and velocities.
+SETUP, WRITE = wp.constant(1), wp.constant(2)
+
+
+@functools.cache
+def nearest_image(periodic: tuple[bool, bool, bool], precision: str) -> Any:
+    """A function (d, size) -> d between nearest images; no code for sides that are not periodic."""
+    vec3, real = structs(precision).vec3, structs(precision).real
+    px, py, pz = periodic
+
+    @wp.func
+    def wrap(d: real, size: real):
+        half = real(0.5) * size
+        if d > half:
+            d = d - size
+        elif d < -half:
+            d = d + size
+        return d
+
+    @wp.func
+    def nearest(d: vec3, size: vec3):
+        x, y, z = d[0], d[1], d[2]
+        if wp.static(px):
+            x = wrap(x, size[0])
+        if wp.static(py):
+            y = wrap(y, size[1])
+        if wp.static(pz):
+            z = wrap(z, size[2])
+        return vec3(x, y, z)
+
+    return nearest
+
+
+@functools.cache
+def step_kernel(spec: Spec) -> Any:
+    """The step kernel of one Spec."""
+    t = structs(spec.precision)
+    real, vec3 = t.real, t.vec3
+    Params, Motion, Particles, Walls, Full = t.Params, t.Motion, t.Particles, t.Walls, t.Full
+    Contact = contact_struct(real)
+    law = contact_law(spec.normal, spec.tangential, spec.rolling, spec.limit_force)
+    nearest = nearest_image(spec.periodic, spec.precision)
+
+    @wp.func
+    def pair_contact(d: vec3, rsq: real, v_rel: vec3, wi: vec3, wj: vec3, ri: real, rj: real, mi: real, mj: real):
+        r = wp.sqrt(rsq)
+        c = Contact()
+        c.normal = d / r
+        c.overlap = ri + rj - r
+        c.normal_velocity = wp.dot(v_rel, c.normal)
+        c.tangential_velocity = v_rel - c.normal_velocity * c.normal
+        c.lever = ri - real(0.5) * c.overlap
+        if wp.static(spec.rotation):
+            lever_j = rj - real(0.5) * c.overlap
+            c.tangential_velocity -= wp.cross(c.lever * wi + lever_j * wj, c.normal)
+            c.spin = wi - wj
+        if wp.static(spec.several_radii):
+            c.radius_eff = ri * rj / (ri + rj)
+        else:
+            c.radius_eff = real(0.5) * ri
+        if wp.static(spec.several_masses):
+            c.mass_eff = mi * mj / (mi + mj)
+        else:
+            c.mass_eff = real(0.5) * mi
+        return c
+
+    @wp.func
+    def wall_contact(distance: real, normal: vec3, v: vec3, w: vec3, radius: real, mass: real):
+        c = Contact()
+        c.normal = normal
+        c.overlap = radius - distance
+        c.normal_velocity = wp.dot(v, normal)
+        c.tangential_velocity = v - c.normal_velocity * normal
+        c.lever = radius - real(0.5) * c.overlap
+        if wp.static(spec.rotation):
+            c.tangential_velocity -= wp.cross(c.lever * w, normal)
+            c.spin = (c.lever / distance) * w
+        c.radius_eff = radius
+        c.mass_eff = mass
+        return c
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def step(
+        # params
+        params: Params,
+        begin: wp.int32,
+        mode: wp.int32,
+        # in
+        walls: Walls,
+        now: Motion,
+        # in and out
+        particles: Particles,
+        # out
+        after: Motion,
+        full: Full,
+    ):
+        i = begin + wp.tid()
+        x = now.position[i]
+        v = now.velocity[i]
+        w = vec3()
+        if wp.static(spec.rotation):
+            w = now.angular_velocity[i]
+        radius = params.radius
+        if wp.static(spec.several_radii):
+            radius = particles.radius[i]
+        mass = params.mass
+        if wp.static(spec.several_masses):
+            mass = particles.mass[i]
+        material = wp.int32(0)
+        if wp.static(spec.several_materials):
+            material = particles.material[i]
+        dt_spring = params.dt
+        if mode & SETUP:
+            dt_spring = real(0.0)
+
+        force = vec3()
+        torque = vec3()
+        contacts = wp.int32(0)
+
+        # particles
+        for k in range(particles.start[i], wp.min(particles.start[i + 1], params.capacity)):
+            entry = particles.neighbor[k]
+            j = entry
+            if wp.static(spec.history):
+                if entry < 0:
+                    j = -entry - 1
+            d = nearest(x - now.position[j], params.size)
+            rsq = wp.dot(d, d)
+            radius_j = params.radius
+            if wp.static(spec.several_radii):
+                radius_j = particles.radius[j]
+            reach = radius + radius_j
+            if rsq < reach * reach:
+                mass_j = params.mass
+                if wp.static(spec.several_masses):
+                    mass_j = particles.mass[j]
+                w_j = vec3()
+                if wp.static(spec.rotation):
+                    w_j = now.angular_velocity[j]
+                c = pair_contact(d, rsq, v - now.velocity[j], w, w_j, radius, radius_j, mass, mass_j)
+                pair = params.pair
+                if wp.static(spec.several_materials):
+                    pair = particles.pairs[material * params.materials + particles.material[j]]
+                spring = vec3()
+                if wp.static(spec.history):
+                    if entry < 0:
+                        spring = particles.spring[k]
+                f, tq, spring_new = law(c, pair, spring, dt_spring)
+                force += f
+                torque += tq
+                contacts += 1
+                if wp.static(spec.history):
+                    if not (mode & SETUP):
+                        particles.spring[k] = spring_new
+                        particles.neighbor[k] = -j - 1
+            else:
+                if wp.static(spec.history):
+                    if entry < 0:
+                        particles.neighbor[k] = j
+
+        # walls
+        if wp.static(spec.walls):
+            touch = wp.int32(0)
+            touched = wp.int32(0)
+            if wp.static(spec.history):
+                touched = particles.wall_touch[i]
+            for k in range(params.planes):
+                normal = walls.normal[k]
+                distance = plane_distance(x, normal, walls.offset[k])
+                if distance <= radius:
+                    c = wall_contact(distance, normal, v, w, radius, mass)
+                    spring = vec3()
+                    if wp.static(spec.history):
+                        if touched & (1 << k):
+                            spring = particles.wall_spring[k * params.n + i]
+                    f, tq, spring_new = law(c, walls.pairs[k * params.materials + material], spring, dt_spring)
+                    force += f
+                    torque += tq
+                    if wp.static(spec.history):
+                        if not (mode & SETUP):
+                            particles.wall_spring[k * params.n + i] = spring_new
+                            touch = touch | (1 << k)
+            if wp.static(spec.history):
+                if touch != touched and not (mode & SETUP):
+                    particles.wall_touch[i] = touch
+
+        if wp.static(spec.gravity):
+            force += mass * params.gravity
+
+        # second half kick to the full step, first half kick and drift of the next
+        kick = real(0.5) * params.dt / mass
+        if not (mode & SETUP):
+            v = v + kick * force
+        spin_kick = real(0.5) * params.dt / (real(0.4) * mass * radius * radius)
+        if wp.static(spec.rotation):
+            if not (mode & SETUP):
+                w = w + spin_kick * torque
+        if mode & WRITE:
+            full.velocity[i] = v
+            full.force[i] = force
+            full.contacts[i] = contacts
+            if wp.static(spec.rotation):
+                full.angular_velocity[i] = w
+                full.torque[i] = torque
+        v = v + kick * force
+        x = x + params.dt * v
+        after.velocity[i] = v
+        after.position[i] = x
+        if wp.static(spec.rotation):
+            after.angular_velocity[i] = w + spin_kick * torque
+        shift = x - particles.built_at[i]
+        if not (wp.dot(shift, shift) <= params.move_limit):  # true for NaN too
+            particles.moved[0] = 1
+
+    return step

@@ -1,0 +1,155 @@
+"""The neighbour list of a run: its buffers, and the rebuild as a sequence of launches."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from gpudem.crew import Crew
+from gpudem.errors import SimulationError
+from gpudem.neighbors import (
+    LOST,
+    NOT_A_NUMBER,
+    OK,
+    OVERFLOW,
+    cell_kernel,
+    cell_starts,
+    check_total,
+    gather_kernel,
+    list_kernel,
+)
+from gpudem.scene import Scene
+from gpudem.state import State
+
+
+def cell_grid(scene: Scene) -> tuple[tuple[int, int, int], np.ndarray]:
+    """Cells along each axis, each at least one reach wide, and cells per length [1/m].
+
+    At most two cells a particle (and 4096), so that a large, nearly empty domain costs no memory.
+    """
+    size = np.array(scene.domain.hi) - np.array(scene.domain.lo)
+    edge = 2 * float(scene.state.radius.max()) + scene.skin
+    limit = 2 * len(scene.state) + 4096
+    while math.prod(cells := tuple(max(1, math.floor(s / edge)) for s in size)) > limit:
+        edge *= 1.26  # half as many cells
+    return cells, np.array(cells) / size  # type: ignore[return-value]
+
+
+class NeighborList:
+    """Rebuilds the list of a State when told to. `total` is the number of entries, `rebuilds` how often."""
+
+    def __init__(self, scene: Scene, state: State, params: Any, crew: Crew):
+        self.state, self.params, self.crew, self.scene = state, params, crew, scene
+        self.rebuilds = 0
+        spec, device, n, t = state.spec, state.device, state.n, state.types
+        self.cells = math.prod(params.cells)
+        self.key = wp.zeros(2 * n, dtype=wp.int32, device=device)
+        self.order = wp.zeros(2 * n, dtype=wp.int32, device=device)
+        self.inverse = wp.zeros(n, dtype=wp.int32, device=device)
+        self.cell_start = wp.zeros(self.cells + 1, dtype=wp.int32, device=device)
+        self.start = wp.zeros(n + 1, dtype=wp.int32, device=device)
+        self.count = wp.zeros(n + 1, dtype=wp.int32, device=device)
+        self.status = wp.zeros(2, dtype=wp.int32, device=device)
+        self.scratch = t.Particles()
+        self._moved_arrays = ["id"]
+        self._moved_arrays += ["radius"] * spec.several_radii + ["mass"] * spec.several_masses
+        self._moved_arrays += ["material"] * spec.several_materials
+        if spec.history and state.planes:
+            self._moved_arrays += ["wall_touch", "wall_spring"]
+        for name in self._moved_arrays:
+            setattr(self.scratch, name, wp.zeros_like(getattr(state.particles, name)))
+        self.kernels = {
+            "cells": cell_kernel(spec),
+            "gather": gather_kernel(spec),
+            "count": list_kernel(spec, fill=False),
+            "fill": list_kernel(spec, fill=True),
+        }
+        self._commands: dict[tuple[str, int], Callable[[], None]] = {}
+        self.grew: Callable[[], None] = lambda: None
+        """Called when list arrays were replaced: recorded launches elsewhere are out of date."""
+        self._allocate(16 * n)
+
+    def _allocate(self, capacity: int) -> None:
+        state, spec = self.state, self.state.spec
+        p, device = state.particles, state.device
+        if p.neighbor is None or self.rebuilds == 0:
+            p.neighbor = wp.zeros(capacity, dtype=wp.int32, device=device)
+            p.spring = wp.zeros(capacity, dtype=state.types.vec3, device=device) if spec.history else None
+        else:  # keep what the old list holds: its springs are still to be carried over
+            for name in ("neighbor", "spring") if spec.history else ("neighbor",):
+                grown = wp.zeros(capacity, dtype=getattr(p, name).dtype, device=device)
+                wp.copy(grown, getattr(p, name), count=self.params.capacity)
+                setattr(p, name, grown)
+        self.neighbor = wp.zeros(capacity, dtype=wp.int32, device=device)
+        self.spring = wp.zeros(capacity, dtype=state.types.vec3, device=device) if spec.history else None
+        self.params.capacity = capacity
+        self._commands.clear()
+        self.grew()
+
+    def rebuild(self, on_host: bool = True) -> None:
+        """Sort, re-order, list. `on_host`: grow the list where needed and check at once (else: `check` later).
+
+        Raises SimulationError for a lost particle or NaN (on_host).
+        """
+        state, p = self.state, self.state.particles
+        self._run("cells")
+        wp.utils.radix_sort_pairs(self.key, self.order, state.n, end_bit=max(1, self.cells.bit_length()))
+        wp.launch(
+            cell_starts, self.cells + 1, inputs=[state.n, self.key], outputs=[self.cell_start], device=state.device
+        )
+        self._run("gather")
+        for name in ("position", "velocity", *(("angular_velocity",) if state.spec.rotation else ())):
+            wp.copy(getattr(state.now, name), getattr(state.scratch, name))
+        for name in self._moved_arrays:
+            wp.copy(getattr(p, name), getattr(self.scratch, name))
+        self._run("count")
+        wp.utils.array_scan(self.count, self.start, inclusive=False)
+        if on_host:
+            self.check()
+            total = int(self.start.numpy()[state.n])
+            if total > self.params.capacity:
+                self._allocate(int(1.2 * total))
+        else:
+            check_total_inputs = [state.n, self.params.capacity, self.start]
+            wp.launch(check_total, 1, inputs=check_total_inputs, outputs=[self.status], device=state.device)
+        self._run("fill")
+        wp.copy(p.start, self.start)
+        wp.copy(p.neighbor, self.neighbor)
+        if state.spec.history:
+            wp.copy(p.spring, self.spring)
+        wp.copy(p.built_at, state.now.position)
+        p.moved.zero_()
+        self.rebuilds += 1
+
+    def _run(self, name: str) -> None:
+        state = self.state
+        parity = id(state.now)
+        if (name, parity) not in self._commands:
+            p, now, scratch = state.particles, state.now, state.scratch
+            listing = [now, p, self.key, self.cell_start, self.order, self.inverse]
+            inputs, outputs = {
+                "cells": ([p, now], [self.key, self.order, self.status]),
+                "gather": ([self.order, now, p], [self.inverse, scratch, self.scratch]),
+                "count": ([*listing, self.count], [None, None]),
+                "fill": ([*listing, self.start], [self.neighbor, self.spring]),
+            }[name]
+            self._commands[name, parity] = self.crew.command(self.kernels[name], self.params, inputs, outputs)
+        self._commands[name, parity]()
+
+    def check(self) -> None:
+        """Raises SimulationError for what a rebuild reported: a lost particle, NaN, a list too small."""
+        code, who = (int(v) for v in self.status.numpy())
+        if code == OK:
+            return
+        if code == OVERFLOW:
+            raise SimulationError(f"neighbour list overflowed: {who} entries, room for {self.params.capacity}")
+        domain = self.scene.domain
+        what = {
+            LOST: f"left the domain {domain.lo} .. {domain.hi} m",
+            NOT_A_NUMBER: "has a position that is not a number (NaN)",
+        }[code]
+        raise SimulationError(f"particle {who + 1} {what}")

@@ -1,0 +1,256 @@
+"""Cells, sorted order, neighbour list with skin, shear springs carried over, overflow and lost particles.
+
+Rebuilding: cell of each particle -> stable sort -> particle arrays re-ordered -> neighbours counted, offsets
+summed, list filled from the 27 cells around -> springs of touching pairs found again. All on the device.
+The list is full (i holds j and j holds i) and compact.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from gpudem.kernels import nearest_image
+from gpudem.spec import Spec
+from gpudem.state import structs
+
+#: What `status[0]` says; status[1] is the particle's row in the scene.
+OK, LOST, NOT_A_NUMBER, OVERFLOW = 0, 1, 2, 3
+
+
+@wp.func
+def first_cell(c: wp.int32, n: wp.int32, periodic: bool):
+    """First of the cells to visit around c along one axis."""
+    if periodic:
+        if n < 3:
+            return 0
+        return c - 1
+    return wp.max(c - 1, 0)
+
+
+@wp.func
+def last_cell(c: wp.int32, n: wp.int32, periodic: bool):
+    """Last of the cells to visit; may lie outside 0..n-1 where the axis is periodic."""
+    if periodic:
+        if n < 3:
+            return n - 1
+        return c + 1
+    return wp.min(c + 1, n - 1)
+
+
+@functools.cache
+def cell_kernel(spec: Spec) -> Any:
+    """Wraps periodic positions, writes the cell of each particle, reports lost particles and NaN."""
+    t = structs(spec.precision)
+    vec3 = t.vec3
+    Params, Motion, Particles = t.Params, t.Motion, t.Particles
+    px, py, pz = spec.periodic
+
+    @wp.func
+    def wrap(x: t.real, lo: t.real, size: t.real):
+        if x < lo:
+            x = x + size
+        elif x >= lo + size:
+            x = x - size
+        return x
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def cells(
+        # params
+        params: Params,
+        begin: wp.int32,
+        # in
+        particles: Particles,
+        # in and out
+        now: Motion,
+        # out
+        key: wp.array[wp.int32],
+        order: wp.array[wp.int32],
+        status: wp.array[wp.int32],
+    ):
+        i = begin + wp.tid()
+        p = now.position[i]
+        x, y, z = p[0], p[1], p[2]
+        if wp.static(px):
+            x = wrap(x, params.lo[0], params.size[0])
+        if wp.static(py):
+            y = wrap(y, params.lo[1], params.size[1])
+        if wp.static(pz):
+            z = wrap(z, params.lo[2], params.size[2])
+        p = vec3(x, y, z)
+        now.position[i] = p
+        cell = wp.vec3i()
+        for a in range(3):
+            s = p[a] - params.lo[a]
+            if not (s >= t.real(0.0) and s <= params.size[a]):
+                code = wp.int32(LOST)
+                if s != s:
+                    code = wp.int32(NOT_A_NUMBER)
+                status[1] = particles.id[i]
+                status[0] = code
+                s = t.real(0.0)
+            cell[a] = wp.min(wp.int32(s * params.cell_rate[a]), params.cells[a] - 1)
+        key[i] = (cell[2] * params.cells[1] + cell[1]) * params.cells[0] + cell[0]
+        order[i] = i
+
+    return cells
+
+
+@functools.cache
+def gather_kernel(spec: Spec) -> Any:
+    """Copies the particle arrays into scratch arrays in the new order."""
+    t = structs(spec.precision)
+    Params, Motion, Particles = t.Params, t.Motion, t.Particles
+    walls_with_history = spec.walls and spec.history
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def gather(
+        # params
+        params: Params,
+        begin: wp.int32,
+        # in
+        order: wp.array[wp.int32],
+        now: Motion,
+        particles: Particles,
+        # out
+        inverse: wp.array[wp.int32],
+        moved: Motion,
+        moved_particles: Particles,
+    ):
+        i = begin + wp.tid()
+        o = order[i]
+        inverse[o] = i
+        moved.position[i] = now.position[o]
+        moved.velocity[i] = now.velocity[o]
+        moved_particles.id[i] = particles.id[o]
+        if wp.static(spec.rotation):
+            moved.angular_velocity[i] = now.angular_velocity[o]
+        if wp.static(spec.several_radii):
+            moved_particles.radius[i] = particles.radius[o]
+        if wp.static(spec.several_masses):
+            moved_particles.mass[i] = particles.mass[o]
+        if wp.static(spec.several_materials):
+            moved_particles.material[i] = particles.material[o]
+        if wp.static(walls_with_history):
+            touch = particles.wall_touch[o]
+            moved_particles.wall_touch[i] = touch
+            for k in range(params.planes):
+                if touch & (1 << k):
+                    moved_particles.wall_spring[k * params.n + i] = particles.wall_spring[k * params.n + o]
+
+    return gather
+
+
+@wp.kernel(enable_backward=False)
+def cell_starts(
+    # in
+    n: wp.int32,
+    key: wp.array[wp.int32],
+    # out
+    start: wp.array[wp.int32],
+):
+    """First particle whose cell is c or later, by bisection of the sorted keys."""
+    c = wp.tid()
+    lo = wp.int32(0)
+    hi = wp.int32(0) + n
+    while lo < hi:
+        mid = (lo + hi) // 2
+        if key[mid] < c:
+            lo = mid + 1
+        else:
+            hi = mid
+    start[c] = lo
+
+
+@wp.kernel(enable_backward=False)
+def check_total(
+    # in
+    n: wp.int32,
+    capacity: wp.int32,
+    start: wp.array[wp.int32],
+    # out
+    status: wp.array[wp.int32],
+):
+    """Reports a list that does not fit (device loops; the host loop grows it instead)."""
+    if start[n] > capacity:
+        status[1] = start[n]
+        status[0] = wp.int32(OVERFLOW)
+
+
+@functools.cache
+def list_kernel(spec: Spec, fill: bool) -> Any:
+    """Counts the neighbours of each particle, or (`fill`) writes them and finds the springs of touching pairs."""
+    t = structs(spec.precision)
+    Params, Motion, Particles = t.Params, t.Motion, t.Particles
+    nearest = nearest_image(spec.periodic, spec.precision)
+    px, py, pz = spec.periodic
+    carry = fill and spec.history
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def build(
+        # params
+        params: Params,
+        begin: wp.int32,
+        # in
+        now: Motion,
+        particles: Particles,
+        key: wp.array[wp.int32],
+        cell_start: wp.array[wp.int32],
+        order: wp.array[wp.int32],
+        inverse: wp.array[wp.int32],
+        # in (fill) or out (count)
+        start: wp.array[wp.int32],
+        # out
+        neighbor: wp.array[wp.int32],
+        spring: wp.array[t.vec3],
+    ):
+        i = begin + wp.tid()
+        x = now.position[i]
+        reach = params.radius + params.radius + params.skin
+        if wp.static(spec.several_radii):
+            reach = particles.radius[i] + params.skin
+        nx, ny, nz = params.cells[0], params.cells[1], params.cells[2]
+        cx = key[i] % nx
+        cy = key[i] // nx % ny
+        cz = key[i] // (nx * ny)
+        count = wp.int32(0)
+        first = wp.int32(0)
+        if wp.static(fill):
+            first = start[i]
+        for az in range(first_cell(cz, nz, wp.static(pz)), last_cell(cz, nz, wp.static(pz)) + 1):
+            for ay in range(first_cell(cy, ny, wp.static(py)), last_cell(cy, ny, wp.static(py)) + 1):
+                for ax in range(first_cell(cx, nx, wp.static(px)), last_cell(cx, nx, wp.static(px)) + 1):
+                    bx, by, bz = ax, ay, az
+                    if wp.static(px):
+                        bx = (ax + nx) % nx
+                    if wp.static(py):
+                        by = (ay + ny) % ny
+                    if wp.static(pz):
+                        bz = (az + nz) % nz
+                    cell = (bz * ny + by) * nx + bx
+                    for j in range(cell_start[cell], cell_start[cell + 1]):
+                        if j != i:
+                            d = nearest(x - now.position[j], params.size)
+                            limit = reach
+                            if wp.static(spec.several_radii):
+                                limit = reach + particles.radius[j]
+                            if wp.dot(d, d) < limit * limit:
+                                if wp.static(fill):
+                                    if first + count < params.capacity:
+                                        neighbor[first + count] = j
+                                count += 1
+        if wp.static(not fill):
+            start[i] = count
+        if wp.static(carry):
+            o = order[i]
+            end = wp.min(first + count, params.capacity)
+            for k in range(particles.start[o], wp.min(particles.start[o + 1], params.capacity)):
+                entry = particles.neighbor[k]
+                if entry < 0:
+                    j = inverse[-entry - 1]
+                    for m in range(first, end):
+                        if neighbor[m] == j:
+                            neighbor[m] = -j - 1
+                            spring[m] = particles.spring[k]
+
+    return build

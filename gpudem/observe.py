@@ -1,0 +1,91 @@
+"""What is kept of a run while it goes: frames on disk, the trace of few particles, bulk quantities in time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gpudem.errors import GpudemError
+from gpudem.frames import Frame, FrameWriter
+from gpudem.run import HISTORY_COLUMNS, TRACE_COLUMNS
+from gpudem.scene import Scene
+from gpudem.state import masses
+
+if TYPE_CHECKING:
+    import pandas
+
+
+def bulk(scene: Scene, frame: Frame, mass: np.ndarray, step: int, contacts: int) -> tuple[float, ...]:
+    """One row of the history, in the order of HISTORY_COLUMNS; energies [J], front and centre of mass [m]."""
+    inertia = 0.4 * mass * frame["radius"] ** 2
+    centre = mass @ frame["position"] / mass.sum()
+    return (
+        step,
+        step * scene.time.step,
+        0.5 * float(mass @ (frame["velocity"] ** 2).sum(axis=1)),
+        0.5 * float(inertia @ (frame["angular_velocity"] ** 2).sum(axis=1)),
+        -float(mass.sum() * (centre @ np.array(scene.gravity))),
+        contacts,
+        float(frame["position"][:, 0].max()),
+        *centre.tolist(),
+    )
+
+
+class Recorder:
+    """Collects the output of one run. `due(step)` says whether anything is wanted at a step, `next_after` when."""
+
+    def __init__(self, scene: Scene, directory: Path | None):
+        self.scene, self.mass = scene, masses(scene)
+        output = scene.output
+        self.frame_stride = scene.frame_stride if directory is not None else None
+        self.trace_stride, self.history_stride = scene.stride(output.trace_every), scene.stride(output.history_every)
+        self.writer = None
+        if directory is not None:
+            try:
+                directory.mkdir(parents=True, exist_ok=True)
+                self.writer = FrameWriter(directory, scene)
+            except OSError as error:
+                raise GpudemError(f"{directory}: cannot be written: {error.strerror}") from error
+        self._trace: list[tuple[int, Frame]] = []
+        self._history: list[tuple[float, ...]] = []
+
+    def _strides(self) -> list[int]:
+        return [s for s in (self.frame_stride, self.trace_stride, self.history_stride) if s]
+
+    def due(self, step: int) -> bool:
+        """Whether this step is to be written."""
+        return any(step % stride == 0 for stride in self._strides())
+
+    def next_after(self, step: int) -> int:
+        """The next step to be written (the last step of the run if none is)."""
+        return min([(step // s + 1) * s for s in self._strides()], default=self.scene.n_steps)
+
+    def add(self, step: int, frame: Frame, contacts: int) -> None:
+        """Keep what is wanted of this step."""
+        if self.trace_stride and step % self.trace_stride == 0:
+            self._trace.append((step, {k: frame[k] for k in TRACE_COLUMNS}))
+        if self.history_stride and step % self.history_stride == 0:
+            self._history.append(bulk(self.scene, frame, self.mass, step, contacts))
+        if self.writer and self.frame_stride and step % self.frame_stride == 0:
+            self.writer.add(step, frame)
+
+    @property
+    def trace(self) -> dict[str, np.ndarray] | None:
+        """step, time (t,) and TRACE_COLUMNS (t, n, 3); None if not asked for."""
+        if not self._trace:
+            return None
+        steps = np.array([s for s, _ in self._trace])
+        columns = {k: np.stack([f[k] for _, f in self._trace]) for k in TRACE_COLUMNS}
+        return {"step": steps, "time": steps * self.scene.time.step, **columns}
+
+    @property
+    def history(self) -> pandas.DataFrame | None:
+        """Table of HISTORY_COLUMNS; None if not asked for."""
+        if not self._history:
+            return None
+        import pandas
+
+        table = pandas.DataFrame(self._history, columns=list(HISTORY_COLUMNS))
+        return table.astype({"step": int, "contacts": int})

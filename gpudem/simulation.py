@@ -1,0 +1,155 @@
+"""Run a scene from start to end: segments between gate removals, output, progress, clean stop on Ctrl-C."""
+
+from __future__ import annotations
+
+import resource
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import warp
+
+from gpudem.observe import Recorder
+from gpudem.run import Run, Timing
+from gpudem.scene import Scene
+from gpudem.solver import Simulation
+
+#: Steps between two looks at the clock, for progress.
+CHUNK = 64
+
+
+def run(
+    scene: Scene,
+    directory: str | Path | None = None,
+    *,
+    device: str = "cpu",
+    threads: int | None = None,
+    precision: str | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Run:
+    """Simulate a scene; with a directory, frames and tables are written there as it goes.
+
+    Args:
+        scene: What to simulate.
+        directory: Where frames, scene.json, run.json, history.csv and trace.npz go; None keeps no frames.
+        device: Warp device, "cpu" or "cuda:0".
+        threads: CPU threads; default: one for each core, fewer for few particles.
+        precision: Overrides the scene's.
+        progress: Called with the number of steps done, a few times a second.
+
+    Returns:
+        The run; on Ctrl-C what there is so far is saved first, then KeyboardInterrupt goes on.
+
+    Raises:
+        SimulationError: lost particle, NaN; frames already written stay.
+        GpudemError: directory cannot be written.
+    """
+    if precision is not None and precision != scene.solver.precision:
+        scene = scene.replace(solver={"precision": precision})
+    path = None if directory is None else Path(directory)
+    recorder = Recorder(scene, path)
+    begin = time.perf_counter()
+    simulation = Simulation(scene, device, threads)
+    setup_s = time.perf_counter() - begin - simulation.compile_s
+    clock = _Clock(progress)
+    notes: dict[str, object] = {}
+    try:
+        _segments(simulation, recorder, clock)
+    except KeyboardInterrupt:
+        notes["interrupted_at_step"] = simulation.step_count
+        raise
+    except Exception as error:
+        notes["failed"] = str(error)
+        raise
+    finally:
+        notes |= {"rebuilds": simulation.neighbors.rebuilds, "scene_hash": scene.hash}
+        notes["device_bytes"] = sum(simulation.memory_bytes().values())
+        result = Run(
+            code="gpudem",
+            version=_version(),
+            scene=scene,
+            directory=path or Path(),
+            timing=Timing(
+                particles=simulation.state.n,
+                steps=simulation.step_count,
+                stepping_s=clock.stepping_s,
+                setup_s=setup_s,
+                compile_s=simulation.compile_s,
+                output_s=clock.output_s,
+                device=str(simulation.device),
+                cores=simulation.crew.threads,
+                precision=scene.solver.precision,
+                peak_memory_bytes=_peak_memory(),
+            ),
+            notes=notes,
+            trace=recorder.trace,
+            history=recorder.history,
+        )
+        if path is not None:
+            result.save()
+        simulation.close()
+    return result
+
+
+def _segments(simulation: Simulation, recorder: Recorder, clock: _Clock) -> None:
+    """Between gate removals: set-up, then steps up to each output, the last one with full-step velocities."""
+    for first, last, planes in simulation.scene.segments:
+        with clock.stepping(simulation):
+            simulation.start(planes, write=first == 0)
+        if first == 0 and recorder.due(0):
+            with clock.output():
+                recorder.add(0, simulation.frame(), simulation.contact_count())
+        while simulation.step_count < last:
+            stop = min(recorder.next_after(simulation.step_count), last)
+            while simulation.step_count < stop - 1:
+                with clock.stepping(simulation):
+                    simulation.advance(min(CHUNK, stop - 1 - simulation.step_count))
+            with clock.stepping(simulation):
+                simulation.write_step(last=stop == last)
+            if recorder.due(stop) or stop == last:
+                with clock.output():
+                    recorder.add(stop, simulation.frame(), simulation.contact_count())
+
+
+class _Clock:
+    """Adds up stepping and output time, and reports progress a few times a second."""
+
+    def __init__(self, progress: Callable[[int], None] | None):
+        self.stepping_s = self.output_s = 0.0
+        self._progress, self._reported = progress, 0.0
+        self._begin, self._attribute, self._simulation = 0.0, "", None
+
+    def stepping(self, simulation: Simulation) -> _Clock:
+        self._attribute, self._simulation = "stepping_s", simulation
+        return self
+
+    def output(self) -> _Clock:
+        self._attribute = "output_s"
+        return self
+
+    def __enter__(self) -> None:
+        self._begin = time.perf_counter()
+
+    def __exit__(self, *error: object) -> None:
+        if self._attribute == "stepping_s" and self._simulation.device.is_cuda:
+            warp.synchronize_device(self._simulation.device)
+        now = time.perf_counter()
+        setattr(self, self._attribute, getattr(self, self._attribute) + now - self._begin)
+        if self._progress and self._simulation and now - self._reported > 0.2:
+            self._reported = now
+            self._progress(self._simulation.step_count)
+
+
+def _peak_memory() -> int:
+    """Largest resident size of this process so far [bytes]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+
+
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("gpudem")
+    except PackageNotFoundError:
+        return "unknown (not installed)"

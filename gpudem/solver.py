@@ -1,0 +1,182 @@
+"""The solver: a scene on a device, stepped in LIGGGHTS' order of operations.
+
+    set-up:  forces at full-step velocities, springs only evaluated
+    step:    half kick, drift | list rebuilt if anybody moved more than skin/2 | forces, springs | half kick
+
+A step kernel does the part from the forces on, and the first half of the next step with it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from gpudem.crew import Crew
+from gpudem.device import find_device
+from gpudem.errors import SimulationError
+from gpudem.frames import Frame
+from gpudem.kernels import SETUP, WRITE, step_kernel
+from gpudem.neighbor_list import NeighborList, cell_grid
+from gpudem.neighbors import cell_starts, check_total
+from gpudem.scene import Plane, Scene
+from gpudem.spec import Spec
+from gpudem.state import State, masses
+from gpudem.walls import pair_entries, pair_table, wall_table
+
+
+class Simulation:
+    """One scene on one device. `step_count` steps are done; after `write` the full-step state can be read.
+
+    Raises:
+        SimulationError: lost particle, NaN, naming particle and time.
+    """
+
+    def __init__(self, scene: Scene, device: str = "cpu", threads: int | None = None):
+        self.scene, self.spec = scene, Spec.of(scene)
+        self.device = find_device(device)
+        self.state = State(scene, self.spec, self.device)
+        self.crew = Crew(self.state.n, self.device, threads)
+        self.params = self._params()
+        if self.spec.several_materials:
+            self.state.particles.pairs = pair_table(self.state, scene, scene.particle_materials)
+        self.neighbors = NeighborList(scene, self.state, self.params, self.crew)
+        self.neighbors.grew = self._forget_commands
+        self.kernel = step_kernel(self.spec)
+        self._commands: dict[tuple[int, int], Callable[[], None]] = {}
+        self.step_count = 0
+        self._moved = self.state.particles.moved.numpy() if self.device.is_cpu else None
+        self.walls: Any = None
+        self.compile_s = self._compile()
+
+    def _params(self) -> Any:
+        scene, t = self.scene, self.state.types
+        p = t.Params()
+        cells, rate = cell_grid(scene)
+        p.dt, p.gravity = scene.time.step, t.vec3(*scene.gravity)
+        p.lo, p.size = t.vec3(*scene.domain.lo), t.vec3(*(np.array(scene.domain.hi) - np.array(scene.domain.lo)))
+        p.cells, p.cell_rate = wp.vec3i(*cells), t.vec3(*rate)
+        p.skin, p.move_limit = scene.skin, (scene.skin / 2) ** 2
+        p.radius, p.mass = float(scene.state.radius.max()), float(masses(scene)[0])
+        p.n, p.planes, p.materials = self.state.n, self.state.planes, len(scene.particle_materials)
+        p.pair = pair_entries(self.state, scene, scene.particle_materials[:1])[0]
+        return p
+
+    def _compile(self) -> float:
+        begin = time.perf_counter()
+        for kernel in (self.kernel, *self.neighbors.kernels.values(), cell_starts, check_total):
+            kernel.module.load(self.device, 1 if self.device.is_cpu else 256)
+        return time.perf_counter() - begin
+
+    def _forget_commands(self) -> None:
+        self._commands.clear()
+
+    # -- the algorithm -------------------------------------------------------------------------------------
+
+    def start(self, planes: list[Plane] | None = None, write: bool = False) -> None:
+        """Set-up: forces at the present full-step velocities with the given walls; then the first half kick and drift.
+
+        At a later start (a gate has gone) call it after `write_step`.
+        """
+        if self.step_count > 0:
+            self._take_full_velocities()
+        self.walls = wall_table(self.state, self.scene, self.scene.planes if planes is None else planes)
+        self._commands.clear()
+        self._rebuild()
+        self._launch(SETUP | (WRITE if write else 0))
+        self.state.swap()
+
+    def advance(self, steps: int) -> None:
+        """Do `steps` steps without output."""
+        for _ in range(steps):
+            self._rebuild_if_moved()
+            self._launch(0)
+            self.state.swap()
+            self.step_count += 1
+
+    def write_step(self, last: bool = False) -> None:
+        """One more step, whose positions, velocities and forces can then be read; `last`: stay there."""
+        self._rebuild_if_moved()
+        self._launch(WRITE)
+        self.step_count += 1
+        self._written = self.state.now
+        if not last:
+            self.state.swap()
+
+    def _rebuild_if_moved(self) -> None:
+        moved = self._moved if self._moved is not None else self.state.particles.moved.numpy()
+        if moved[0]:
+            self._rebuild()
+
+    def _rebuild(self) -> None:
+        try:
+            self.neighbors.rebuild()
+        except SimulationError as error:
+            step = self.step_count + 1
+            raise SimulationError(f"{error} at t = {step * self.scene.time.step:.9g} s (step {step})") from None
+
+    def _launch(self, mode: int) -> None:
+        key = (id(self.state.now), mode)
+        if key not in self._commands:
+            if mode & WRITE:
+                self.state.allocate_full()
+            full = self.state.full if self.state.full is not None else self.state.types.Full()
+            state = self.state
+            self._commands[key] = self.crew.command(
+                self.kernel, self.params, [mode, self.walls, state.now], [state.particles, state.next, full]
+            )
+        self._written = self.state.now
+        self._commands[key]()
+
+    def _take_full_velocities(self) -> None:
+        wp.copy(self.state.now.velocity, self.state.full.velocity)
+        if self.spec.rotation:
+            wp.copy(self.state.now.angular_velocity, self.state.full.angular_velocity)
+
+    # -- reading -------------------------------------------------------------------------------------------
+
+    def frame(self) -> Frame:
+        """The written step as a table in order of id, float64. Raises SimulationError for NaN in it."""
+        state, scene = self.state, self.scene
+        row = state.particles.id.numpy()
+
+        def by_id(array: Any) -> np.ndarray:
+            out = np.empty((state.n, 3))
+            out[row] = array.numpy()
+            return out
+
+        full, zeros = state.full, np.zeros((state.n, 3))
+        frame = {
+            "id": np.arange(1, state.n + 1, dtype=np.int64),
+            "material": scene.state.material.astype(np.int32),
+            "position": by_id(self._written.position),
+            "velocity": by_id(full.velocity),
+            "angular_velocity": by_id(full.angular_velocity) if self.spec.rotation else zeros,
+            "radius": scene.state.radius,
+            "force": by_id(full.force),
+            "torque": by_id(full.torque) if self.spec.rotation else zeros,
+        }
+        for name in ("position", "velocity"):
+            if not np.isfinite(frame[name]).all():
+                i = int(np.argwhere(~np.isfinite(frame[name]))[0][0])
+                at = f"t = {self.step_count * scene.time.step:.9g} s (step {self.step_count})"
+                raise SimulationError(f"particle {i + 1} has a {name} that is not a number (NaN) at {at}")
+        return frame
+
+    def contact_count(self) -> int:
+        """Particle-particle contacts in the written step."""
+        return int(self.state.full.contacts.numpy().sum()) // 2
+
+    def memory_bytes(self) -> dict[str, int]:
+        """Bytes of every device array, by name."""
+        own = {f"list.{k}": v for k, v in vars(self.neighbors).items() if isinstance(v, wp.array)}
+        own |= {f"list.{k}": getattr(self.neighbors.scratch, k) for k in self.neighbors._moved_arrays}
+        return {name: array.size * wp.types.type_size_in_bytes(array.dtype) for name, array in (self.state.arrays() | own).items()}
+
+    def close(self) -> None:
+        """End the threads."""
+        self.crew.close()
+

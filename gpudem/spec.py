@@ -1,0 +1,53 @@
+"""What kernels are built for: plain strings and bools, the key of every kernel factory."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from gpudem.scene import Scene
+
+
+@dataclasses.dataclass(frozen=True)
+class Spec:
+    """One specialisation of the kernels; two scenes with equal Specs share compiled code."""
+
+    precision: str = "float64"
+    normal: str = "hertz"
+    tangential: str = "off"
+    """"off", "no_history" or "history"."""
+    rolling: str = "off"
+    limit_force: bool = False
+    rotation: bool = False
+    gravity: bool = False
+    walls: bool = False
+    periodic: tuple[bool, bool, bool] = (False, False, False)
+    several_materials: bool = False
+    several_radii: bool = False
+
+    @classmethod
+    def of(cls, scene: Scene) -> Spec:
+        """The least that a scene needs."""
+        needs = scene.needs
+        return cls(
+            precision=scene.solver.precision,
+            normal=scene.contact.normal,
+            tangential=scene.contact.tangential if needs.tangential else "off",
+            rolling=scene.contact.rolling if needs.rolling else "off",
+            limit_force=scene.contact.limit_force,
+            rotation=needs.rotation,
+            gravity=needs.gravity,
+            walls=needs.walls,
+            periodic=scene.domain.periodic,
+            several_materials=needs.several_materials,
+            several_radii=needs.several_radii,
+        )
+
+    @property
+    def history(self) -> bool:
+        """Shear springs are kept from step to step."""
+        return self.tangential == "history"
+
+    @property
+    def several_masses(self) -> bool:
+        """Mass differs from particle to particle."""
+        return self.several_materials or self.several_radii

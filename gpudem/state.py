@@ -1,0 +1,157 @@
+"""The device arrays of one run, with unit and shape for each; an array that the scene does not need is None.
+
+n particles in sorted (cell) order, m planes. Arrays that are None are null on the device: no kernel built
+for this scene touches them.
+"""
+
+import functools
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from gpudem.contact.types import REAL, pair_struct
+from gpudem.scene import Scene
+from gpudem.spec import Spec
+
+
+@functools.cache
+def structs(precision: str) -> SimpleNamespace:
+    """The argument structs of the kernels in one precision: Params, Motion, Particles, Walls, Full."""
+    real = REAL[precision]
+    vec3 = wp.types.vector(3, real)
+    Pair = pair_struct(real)
+
+    @wp.struct
+    class Params:
+        dt: real  # [s]
+        gravity: vec3  # [m/s2]
+        lo: vec3  # lower corner of the domain [m]
+        size: vec3  # length of the domain [m]
+        cells: wp.vec3i  # cells along x, y, z
+        cell_rate: vec3  # cells per length [1/m]
+        skin: real  # [m]
+        move_limit: real  # (skin/2)^2 [m2]
+        radius: real  # of equal spheres [m]
+        mass: real  # of equal spheres of one material [kg]
+        pair: Pair  # of one material
+        n: wp.int32
+        materials: wp.int32
+        planes: wp.int32
+        capacity: wp.int32  # entries of the neighbour list
+
+    @wp.struct
+    class Motion:
+        position: wp.array[vec3]  # [m], (n,)
+        velocity: wp.array[vec3]  # [m/s], (n,), half a step behind the positions
+        angular_velocity: wp.array[vec3]  # [rad/s], (n,), likewise
+
+    @wp.struct
+    class Particles:
+        id: wp.array[wp.int32]  # row in the scene, (n,)
+        radius: wp.array[real]  # [m], (n,)
+        mass: wp.array[real]  # [kg], (n,)
+        material: wp.array[wp.int32]  # index into the scene's particle materials, (n,)
+        wall_touch: wp.array[wp.int32]  # bit k: plane k touched in the last step, (n,)
+        wall_spring: wp.array[vec3]  # [m], (m n,), plane by plane
+        built_at: wp.array[vec3]  # position at the last rebuild [m], (n,)
+        start: wp.array[wp.int32]  # first list entry of each particle, (n + 1,)
+        neighbor: wp.array[wp.int32]  # j, or -j - 1 where it touched in the last step, (capacity,)
+        spring: wp.array[vec3]  # shear spring of each entry [m], (capacity,)
+        pairs: wp.array[Pair]  # coefficients by material pair, (materials^2,)
+        moved: wp.array[wp.int32]  # 1: somebody moved more than skin/2, (1,)
+
+    @wp.struct
+    class Walls:
+        normal: wp.array[vec3]  # into the domain, length one, (m,)
+        offset: wp.array[real]  # normal . point [m], (m,)
+        pairs: wp.array[Pair]  # coefficients by plane and particle material, (m materials,)
+
+    @wp.struct
+    class Full:
+        velocity: wp.array[vec3]  # at the full step [m/s], (n,)
+        angular_velocity: wp.array[vec3]  # [rad/s], (n,)
+        force: wp.array[vec3]  # with gravity [N], (n,)
+        torque: wp.array[vec3]  # [N m], (n,)
+        contacts: wp.array[wp.int32]  # particle contacts, (n,)
+
+    return SimpleNamespace(
+        real=real, vec3=vec3, Pair=Pair, Params=Params, Motion=Motion, Particles=Particles, Walls=Walls, Full=Full
+    )
+
+
+class State:
+    """All device arrays of one run. `now` and `next` are read and written in turn; `scratch` serves re-ordering."""
+
+    def __init__(self, scene: Scene, spec: Spec, device: Any):
+        self.types = t = structs(spec.precision)
+        self.spec, self.device, self.n = spec, device, len(scene.state)
+        initial, n = scene.state, self.n
+        self.planes = len(scene.planes) if spec.walls else 0
+
+        def vectors(count: int = n, need: bool = True) -> Any:
+            return wp.zeros(count, dtype=t.vec3, device=device) if need else None
+
+        def motion() -> Any:
+            m = t.Motion()
+            m.position, m.velocity, m.angular_velocity = vectors(), vectors(), vectors(n, spec.rotation)
+            return m
+
+        self.now, self.next, self.scratch = motion(), motion(), motion()
+        self.now.position.assign(initial.position)
+        self.now.velocity.assign(initial.velocity)
+        if spec.rotation:
+            self.now.angular_velocity.assign(initial.angular_velocity)
+
+        self.particles = p = t.Particles()
+        p.id = wp.array(np.arange(n, dtype=np.int32), device=device)
+        local = np.array([scene.particle_materials.index(name) for name in scene.particle_materials])
+        index = {scene.material_index[name]: k for name, k in zip(scene.particle_materials, local, strict=True)}
+        material = np.array([index[m] for m in initial.material.tolist()], np.int32)
+        mass = masses(scene)
+        if spec.several_radii:
+            p.radius = wp.array(initial.radius, dtype=t.real, device=device)
+        if spec.several_masses:
+            p.mass = wp.array(mass, dtype=t.real, device=device)
+        if spec.several_materials:
+            p.material = wp.array(material, device=device)
+        if spec.history and self.planes:
+            p.wall_touch = wp.zeros(n, dtype=wp.int32, device=device)
+            p.wall_spring = vectors(n * self.planes)
+        p.built_at = vectors()
+        p.start = wp.zeros(n + 1, dtype=wp.int32, device=device)
+        p.moved = wp.ones(1, dtype=wp.int32, device=device)
+        self.full: Any = None
+
+    def allocate_full(self) -> None:
+        """The arrays that output needs, on first use."""
+        if self.full is None:
+            t, spec = self.types, self.spec
+            self.full = t.Full()
+            for name in ("velocity", "force", *(("angular_velocity", "torque") if spec.rotation else ())):
+                setattr(self.full, name, wp.zeros(self.n, dtype=t.vec3, device=self.device))
+            self.full.contacts = wp.zeros(self.n, dtype=wp.int32, device=self.device)
+
+    def swap(self) -> None:
+        """The step's result becomes the present."""
+        self.now, self.next = self.next, self.now
+
+    def arrays(self) -> dict[str, wp.array]:
+        """Every array there is, by name: what a scene costs in memory."""
+        groups = {"now": self.now, "next": self.next, "scratch": self.scratch, "particles": self.particles}
+        if self.full is not None:
+            groups["full"] = self.full
+        found = {}
+        for group, struct in groups.items():
+            for name in struct._cls.vars:
+                value = getattr(struct, name)
+                if isinstance(value, wp.array) and value.size:
+                    found[f"{group}.{name}"] = value
+        return found
+
+
+def masses(scene: Scene) -> np.ndarray:
+    """Mass of every particle [kg], 4/3 pi R^3 rho, shape (n,)."""
+    density = np.array([m.density for m in scene.materials.values()])
+    return 4 / 3 * np.pi * scene.state.radius**3 * density[scene.state.material]

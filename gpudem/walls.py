@@ -1,0 +1,60 @@
+"""Walls: geometry of a contact with each kind, and their device table. A plane with `removed_at` is a gate."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from gpudem.contact.coefficients import pair_coefficients
+from gpudem.scene import Plane, Scene
+from gpudem.state import State
+
+#: Bits of one int32 mark which planes a particle touches.
+MAX_PLANES = 31
+
+
+@wp.func
+def plane_distance(position: Any, normal: Any, offset: Any):
+    """Distance [m] of a point from a plane, positive on the side the normal points to."""
+    return wp.dot(normal, position) - offset
+
+
+def pair_entries(state: State, scene: Scene, partners: list[str]) -> list[Any]:
+    """Structs `Pair`, by (partner, particle material)."""
+    table = []
+    for partner in partners:
+        for name in scene.particle_materials:
+            c = pair_coefficients(scene, name, partner)
+            entry = state.types.Pair()
+            for field, value in vars(c).items():
+                setattr(entry, field, value)
+            table.append(entry)
+    return table
+
+
+def pair_table(state: State, scene: Scene, partners: list[str]) -> wp.array:
+    """`pair_entries` as a device array."""
+    return wp.array(pair_entries(state, scene, partners), dtype=state.types.Pair, device=state.device)
+
+
+def wall_table(state: State, scene: Scene, present: list[Plane]) -> Any:
+    """The planes of a scene as device arrays; one that is not present lies infinitely far away.
+
+    Raises ValueError for more planes than MAX_PLANES.
+    """
+    planes = scene.planes
+    if len(planes) > MAX_PLANES:
+        raise ValueError(f"walls: {len(planes)} planes; at most {MAX_PLANES}")
+    walls = state.types.Walls()
+    if not planes:
+        return walls
+    names = {p.name for p in present}
+    normals = np.array([p.normal for p in planes])
+    offsets = np.einsum("ij,ij->i", normals, np.array([p.point for p in planes]))
+    offsets[[p.name not in names for p in planes]] = -1e30
+    walls.normal = wp.array(normals, dtype=state.types.vec3, device=state.device)
+    walls.offset = wp.array(offsets, dtype=state.types.real, device=state.device)
+    walls.pairs = pair_table(state, scene, [p.material for p in planes])
+    return walls
