@@ -1,39 +1,183 @@
-"""Validated field types of a scene: numbers that know their unit and range, vectors, arrays, names."""
+"""Validated field types of a scene: numbers that know their unit and range, vectors, arrays, names.
+
+    young: Annotated[float, positive("Pa", 1e14)]
+
+Strings and booleans are never taken for numbers.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import math
+import numbers
 import re
-from collections.abc import Callable
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, PlainSerializer
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
+from pydantic_core import CoreSchema, core_schema
+
+from gpudem.errors import SceneError
 
 #: Names travel into file names and LIGGGHTS decks (which can run shell commands): letters, digits, _ only.
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 
+Vector = tuple[float, float, float]
+
 
 class Model(BaseModel):
-    """Base of the scene classes: frozen, no unknown keys, values validated."""
+    """Base of the scene classes: frozen, no unknown keys, values validated.
+
+    Raises:
+        SceneError: listing every problem.
+    """
 
     model_config = ConfigDict(
-        frozen=True, extra="forbid", arbitrary_types_allowed=True, protected_namespaces=(), allow_inf_nan=False
+        frozen=True,
+        extra="forbid",
+        arbitrary_types_allowed=True,
+        protected_namespaces=(),
+        use_attribute_docstrings=True,
     )
 
+    if not TYPE_CHECKING:  # a type checker sees the fields as arguments instead
 
-def number(unit: str, lo: float = -math.inf, hi: float = math.inf, *, open_lo: bool = False, hint: str = "") -> Any:
-    """A float with its unit [..] and allowed range lo..hi (`open_lo`: lo itself is not allowed)."""
-    left = f"{lo:g} <" if open_lo else f"{lo:g} <="
-    span = f"{left} value" if math.isfinite(lo) else "value"
-    span += f" <= {hi:g}" if math.isfinite(hi) else ""
+        def __init__(self, /, **data: Any):
+            try:
+                super().__init__(**data)
+            except ValidationError as error:
+                from gpudem import scene_io
 
-    def check(value: float) -> float:
-        if value < lo or value > hi or (open_lo and value == lo) or not math.isfinite(value):
-            raise ValueError(f"out of range; allowed: {span} [{unit}]{'; ' + hint if hint else ''}")
-        return value
+                raise SceneError(type(self).__name__, scene_io.problems(error, type(self))) from None
 
-    return Annotated[float, AfterValidator(check)]
+        # Tells pydantic to build nested sections without this __init__, so that one error lists all problems.
+        __init__.__pydantic_base_init__ = True
+
+
+class _Plain:
+    """A field type that is one function, written in lower case since it reads as one in an annotation."""
+
+    def check(self, value: Any) -> Any:
+        """What the user wrote as the field's value. Raises ValueError saying what is allowed."""
+        raise NotImplementedError
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(
+            self.check,
+            serialization=core_schema.plain_serializer_function_ser_schema(_as_list, when_used="json"),
+        )
+
+
+def _as_list(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def _real(value: Any) -> bool:
+    return isinstance(value, numbers.Real) and not isinstance(value, bool | np.bool_)
+
+
+@dataclasses.dataclass(frozen=True)
+class number(_Plain):
+    """A float with its unit and allowed range lo..hi (`open_lo`: lo itself is not allowed)."""
+
+    unit: str
+    lo: float = -math.inf
+    hi: float = math.inf
+    open_lo: bool = False
+
+    def check(self, value: Any) -> float:  # noqa: D102
+        if not _real(value):
+            raise ValueError(f"must be a number [{self.unit}]")
+        result = float(value)
+        if (
+            not math.isfinite(result)
+            or not self.lo <= result <= self.hi
+            or (self.open_lo and result == self.lo)
+        ):
+            raise ValueError(f"out of range; allowed: {self.span} [{self.unit}]")
+        return result
+
+    @property
+    def span(self) -> str:
+        """The allowed range in words: `0 < value <= 1`."""
+        left = f"{self.lo:g} {'<' if self.open_lo else '<='} " if math.isfinite(self.lo) else ""
+        right = f" <= {self.hi:g}" if math.isfinite(self.hi) else ""
+        return f"{left}value{right}" if left or right else "finite numbers"
+
+
+def positive(unit: str, hi: float = math.inf) -> number:
+    """A float above zero, at most `hi`."""
+    return number(unit, 0, hi, open_lo=True)
+
+
+@dataclasses.dataclass(frozen=True)
+class vector(_Plain):
+    """Three floats with a unit; `nonzero`: not all of them zero."""
+
+    unit: str
+    nonzero: bool = False
+
+    def check(self, value: Any) -> Vector:  # noqa: D102
+        values = value.tolist() if isinstance(value, np.ndarray) else value
+        if not isinstance(values, list | tuple) or len(values) != 3 or not all(map(_real, values)):
+            raise ValueError(f"must be three numbers [{self.unit}]")
+        x, y, z = map(float, values)
+        if not all(map(math.isfinite, (x, y, z))):
+            raise ValueError(f"must be three finite numbers [{self.unit}]")
+        if self.nonzero and x == y == z == 0:
+            raise ValueError("has no direction; allowed: any length but zero")
+        return x, y, z
+
+
+@dataclasses.dataclass(frozen=True)
+class array(_Plain):
+    """A read-only float64 array, shape (n, columns), or (n,) for columns = 0."""
+
+    columns: int
+    unit: str
+
+    def check(self, value: Any) -> np.ndarray:  # noqa: D102
+        shape = f"(n, {self.columns})" if self.columns else "(n,)"
+        try:
+            raw = np.asarray(value)
+        except ValueError:
+            raise ValueError(f"has rows of different length; must be {shape} [{self.unit}]") from None
+        if raw.size and raw.dtype.kind not in "iuf":
+            raise ValueError(f"must be numbers, shape {shape} [{self.unit}]")
+        result = np.array(raw, dtype=np.float64, order="C")
+        if self.columns and result.shape == (0,):
+            result = result.reshape(0, self.columns)
+        if result.ndim != (2 if self.columns else 1) or (self.columns and result.shape[1] != self.columns):
+            raise ValueError(f"has shape {result.shape}; must be {shape} [{self.unit}]")
+        if not np.isfinite(result).all():
+            row = int(np.argwhere(~np.isfinite(result))[0][0])
+            raise ValueError(f"row {row + 1} is not a finite number [{self.unit}]")
+        result.setflags(write=False)
+        return result
+
+
+@dataclasses.dataclass(frozen=True)
+class each(_Plain):
+    """One number for all, or an array (n,) with one for each; both within the range of `of`."""
+
+    of: number
+
+    @property
+    def unit(self) -> str:
+        """Unit of the numbers."""
+        return self.of.unit
+
+    def check(self, value: Any) -> float | np.ndarray:  # noqa: D102
+        if not isinstance(value, list | tuple | np.ndarray):
+            return self.of.check(value)
+        result = array(0, self.unit).check(value)
+        bad = (result < self.of.lo) | (result > self.of.hi) | (self.of.open_lo & (result == self.of.lo))
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise ValueError(
+                f"row {row + 1} = {result[row]:g} out of range; allowed: {self.of.span} [{self.unit}]"
+            )
+        return result
 
 
 def _name(value: str) -> str:
@@ -45,36 +189,12 @@ def _name(value: str) -> str:
 Name = Annotated[str, AfterValidator(_name)]
 
 
-def _array(columns: int, unit: str) -> Callable[[Any], np.ndarray]:
-    def convert(value: Any) -> np.ndarray:
-        try:
-            array = np.array(value, dtype=np.float64, order="C")
-        except (TypeError, ValueError):
-            raise ValueError(f"must be numbers [{unit}]") from None
-        if columns and array.shape == (0,):
-            array = array.reshape(0, columns)
-        if array.ndim != (2 if columns else 1) or (columns and array.shape[1] != columns):
-            shape = f"(n, {columns})" if columns else "(n,)"
-            raise ValueError(f"has shape {array.shape}; must be {shape} [{unit}]")
-        if not np.isfinite(array).all():
-            raise ValueError(f"row {int(np.argwhere(~np.isfinite(array))[0][0])} is not a finite number [{unit}]")
-        array.setflags(write=False)
-        return array
+class names(_Plain):
+    """One name for all, or a list with one for each."""
 
-    return convert
-
-
-def array(columns: int, unit: str) -> Any:
-    """A read-only float64 array, shape (n, columns), or (n,) for columns = 0."""
-    return Annotated[np.ndarray, BeforeValidator(_array(columns, unit)), PlainSerializer(lambda a: a.tolist())]
-
-
-def vector(unit: str) -> Any:
-    """Three floats with a unit."""
-
-    def check(value: tuple[float, float, float]) -> tuple[float, float, float]:
-        if not all(map(math.isfinite, value)):
-            raise ValueError(f"must be three finite numbers [{unit}]")
-        return value
-
-    return Annotated[tuple[float, float, float], AfterValidator(check)]
+    def check(self, value: Any) -> str | tuple[str, ...]:  # noqa: D102
+        if isinstance(value, str):
+            return _name(value)
+        if not isinstance(value, list | tuple) or not all(isinstance(v, str) for v in value):
+            raise ValueError("must be a name, or a list of names")
+        return tuple(_name(v) for v in value)

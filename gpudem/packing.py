@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 if TYPE_CHECKING:
     from gpudem.scene import Explicit, Lattice
@@ -32,21 +34,40 @@ class InitialState:
         return len(self.radius)
 
     @staticmethod
-    def build(position, radius, material, velocity=None, angular_velocity=None) -> InitialState:
-        """Broadcast scalars, default velocities to zero. Raises ValueError where lengths differ."""
-        n = len(position)
-        zeros = np.zeros((n, 3))
-        columns = {
-            "position": np.asarray(position, float),
-            "velocity": zeros if velocity is None else np.asarray(velocity, float),
-            "angular_velocity": zeros if angular_velocity is None else np.asarray(angular_velocity, float),
-            "radius": np.broadcast_to(np.asarray(radius, float), (n,)) if np.ndim(radius) == 0 else np.asarray(radius),
-            "material": np.full(n, material, np.int32) if np.ndim(material) == 0 else np.asarray(material, np.int32),
-        }
-        for name, column in columns.items():
-            if len(column) != n:
-                raise ValueError(f"{name} has {len(column)} rows for {n} particles")
-        return InitialState(**{k: np.ascontiguousarray(v) for k, v in columns.items()})
+    def build(
+        position: npt.ArrayLike,
+        radius: npt.ArrayLike,
+        material: npt.ArrayLike,
+        velocity: npt.ArrayLike | None = None,
+        angular_velocity: npt.ArrayLike | None = None,
+    ) -> InitialState:
+        """Columns in SI units, read-only; scalars hold for all, velocities default to zero.
+
+        Raises:
+            ValueError: naming the column, where lengths or shapes differ.
+        """
+        n = len(np.asarray(position))
+
+        def column(name: str, value: npt.ArrayLike, width: tuple[int, ...], dtype: type) -> np.ndarray:
+            array = np.asarray(value, dtype)
+            array = np.broadcast_to(array, (n, *width)) if array.ndim == 0 else array
+            if len(array) != n:
+                raise ValueError(f"{name} has {len(array)} rows; must have one for each of the {n} particles")
+            if array.shape[1:] != width:
+                raise ValueError(f"{name} has shape {array.shape}; must be {(n, *width)}")
+            array = np.array(array, order="C")
+            array.setflags(write=False)
+            return array
+
+        return InitialState(
+            position=column("position", position, (3,), np.float64),
+            velocity=column("velocity", 0.0 if velocity is None else velocity, (3,), np.float64),
+            angular_velocity=column(
+                "angular_velocity", 0.0 if angular_velocity is None else angular_velocity, (3,), np.float64
+            ),
+            radius=column("radius", radius, (), np.float64),
+            material=column("material", material, (), np.int32),
+        )
 
     @staticmethod
     def from_explicit(p: Explicit, index: dict[str, int]) -> InitialState:
@@ -62,7 +83,7 @@ def lattice(p: Lattice, index: dict[str, int]) -> InitialState:
     where `count` does not fit.
     """
     rng = np.random.default_rng(p.seed)
-    if isinstance(p.radius, list):
+    if isinstance(p.radius, tuple):
         shares = np.array([r.share for r in p.radius])
         radius = rng.choice([r.radius for r in p.radius], size=p.count, p=shares / shares.sum())
         largest = max(r.radius for r in p.radius)
@@ -86,64 +107,82 @@ def lattice(p: Lattice, index: dict[str, int]) -> InitialState:
     return InitialState.build(position, radius, index[p.material], velocity)
 
 
+Columns = dict[str, np.ndarray]
+
+
 def read_particles(path: Path, radius: float | None, material: int) -> InitialState:
-    """Particles from .csv (columns x,y,z[,vx,vy,vz][,wx,wy,wz][,radius]), .npz or .vtu (position, velocity,
-    angular_velocity, radius). Raises ValueError naming file and column.
+    """Particles from a file; `radius` [m] where the file has none.
+
+    .csv has columns x, y, z [m] and may have vx, vy, vz [m/s], wx, wy, wz [rad/s], radius [m];
+    .npz and .vtu (a frame of an earlier run) have arrays position, velocity, angular_velocity, radius.
+
+    Raises:
+        ValueError: naming file, column and row.
     """
     if not path.is_file():
         raise ValueError(f"path = {str(path)!r}: no such file")
-    columns = _READERS.get(path.suffix, _unknown)(path)
-    if columns.get("radius") is None:
+    if path.suffix not in _READERS:
+        raise ValueError(f"path = {str(path)!r}: unknown suffix; known: {', '.join(_READERS)}")
+    columns = _READERS[path.suffix](path)
+    if "radius" not in columns:
         if radius is None:
-            raise ValueError(f"{path}: no radius column, and no `radius` in the scene")
+            raise ValueError(f"radius: missing [m]; {path} has no column radius")
         columns["radius"] = np.full(len(columns["position"]), radius)
     for name, column in columns.items():
-        if column is not None and not np.isfinite(column).all():
-            raise ValueError(f"{path}: column {name}, row {int(np.argwhere(~np.isfinite(column))[0][0])} is not finite")
+        bad = ~np.isfinite(column)
+        if name == "radius":
+            bad |= column <= 0
+        if bad.any():
+            row = int(np.argwhere(bad)[0][0])
+            raise ValueError(
+                f"path = {str(path)!r}: {name} in row {row + 1} is {column[row]}; must be finite"
+                f"{' and positive [m]' if name == 'radius' else ''}"
+            )
     return InitialState.build(material=material, **columns)
 
 
-def _unknown(path: Path) -> dict[str, np.ndarray | None]:
-    raise ValueError(f"{path}: unknown suffix {path.suffix!r}; known: {', '.join(sorted(_READERS))}")
-
-
-def _csv(path: Path) -> dict[str, np.ndarray | None]:
+def _csv(path: Path) -> Columns:
     try:
-        table = np.genfromtxt(path, delimiter=",", names=True, ndmin=1)
-    except ValueError as error:
-        raise ValueError(f"{path}: not a table: {str(error).strip().splitlines()[-1].strip()}") from None
-    names = table.dtype.names or ()
-
-    def columns(keys: str) -> np.ndarray | None:
-        wanted = keys.split()
-        return np.stack([table[k] for k in wanted], axis=1) if set(wanted) <= set(names) else None
-
-    position = columns("x y z")
-    if position is None:
-        raise ValueError(f"{path}: columns x, y, z needed; found: {', '.join(names) or 'none'}")
-    return {
-        "position": position,
-        "velocity": columns("vx vy vz"),
-        "angular_velocity": columns("wx wy wz"),
-        "radius": table["radius"] if "radius" in names else None,
+        table = np.genfromtxt(path, delimiter=",", names=True, ndmin=1, encoding="utf-8")
+    except (ValueError, StopIteration) as error:
+        detail = str(error).strip().splitlines()
+        raise ValueError(
+            f"path = {str(path)!r}: not a table: {detail[-1].strip() if detail else 'empty'}"
+        ) from None
+    found = table.dtype.names or ()
+    groups = {"position": "x y z", "velocity": "vx vy vz", "angular_velocity": "wx wy wz"}
+    columns = {
+        name: np.stack([table[k] for k in keys.split()], axis=1)
+        for name, keys in groups.items()
+        if set(keys.split()) <= set(found)
     }
+    if "position" not in columns:
+        raise ValueError(f"path = {str(path)!r}: columns x, y, z needed; found: {', '.join(found) or 'none'}")
+    return columns | ({"radius": table["radius"]} if "radius" in found else {})
 
 
-_COLUMNS = ("position", "velocity", "angular_velocity", "radius")
+def _known(arrays: Columns, path: Path) -> Columns:
+    if "position" not in arrays:
+        raise ValueError(f"path = {str(path)!r}: array position needed; found: {', '.join(arrays) or 'none'}")
+    known = ("position", "velocity", "angular_velocity", "radius")
+    return {name: np.asarray(arrays[name], np.float64) for name in known if name in arrays}
 
 
-def _npz(path: Path) -> dict[str, np.ndarray | None]:
-    with np.load(path) as data:
-        if "position" not in data:
-            raise ValueError(f"{path}: array `position` needed; found: {', '.join(data) or 'none'}")
-        return {k: data[k] if k in data else None for k in _COLUMNS}
+def _npz(path: Path) -> Columns:
+    try:
+        with np.load(path) as data:
+            return _known(dict(data), path)
+    except (OSError, EOFError, zipfile.BadZipFile, AttributeError) as error:
+        raise ValueError(f"path = {str(path)!r}: not an .npz file: {error}") from None
 
 
-def _vtu(path: Path) -> dict[str, np.ndarray | None]:
-    from gpudem.frames import read_vtu
+def _vtu(path: Path) -> Columns:
+    from gpudem.frames import FrameError, read_vtu
 
-    frame = read_vtu(path)
-    return {k: frame.get(k) for k in _COLUMNS}
+    try:
+        return _known(read_vtu(path), path)
+    except FrameError as error:
+        raise ValueError(f"path = {error}") from None
 
 
 _READERS = {".csv": _csv, ".npz": _npz, ".vtu": _vtu}

@@ -6,34 +6,35 @@ coefficients from them. `Scene.from_toml`, `Scene.from_json` and the constructor
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import hashlib
 import itertools
 import json
 import math
+import os
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import AfterValidator, BaseModel, Discriminator, Field, StrictBool, Tag, ValidationError
 
 from gpudem import scene_checks, scene_io
 from gpudem.errors import SceneError
-from gpudem.fields import Model, Name, array, number, vector
+from gpudem.fields import Model, Name, Vector, array, each, names, number, positive, vector
 from gpudem.packing import InitialState, lattice, read_particles
 
-Axis = Literal["x", "y", "z"]
 Side = Literal["xlo", "xhi", "ylo", "yhi", "zlo", "zhi"]
 
 
 class Material(Model):
     """Elastic material of particles or walls."""
 
-    young: number("Pa", 0, 1e14, open_lo=True)
+    young: Annotated[float, positive("Pa", 1e14)]
     """Young's modulus E [Pa]."""
-    poisson: number("1", 0, 0.5)
+    poisson: Annotated[float, number("1", 0, 0.5)]
     """Poisson's ratio nu [1], 0 to 0.5."""
-    density: number("kg/m3", 0, 1e6, open_lo=True)
+    density: Annotated[float, positive("kg/m3", 1e6)]
     """Density [kg/m3]."""
 
 
@@ -41,19 +42,19 @@ class Pair(Model):
     """Contact properties of two materials (or of one with itself); symmetric."""
 
     materials: tuple[Name, Name]
-    restitution: number("1", 0, 1, open_lo=True) = 1.0
+    restitution: Annotated[float, positive("1", 1)] = 1.0
     """Coefficient of restitution e [1], 0 < e <= 1."""
-    friction: number("1", 0, 10) = 0.0
+    friction: Annotated[float, number("1", 0, 10)] = 0.0
     """Coulomb friction mu [1]."""
-    rolling_friction: number("1", 0, 10) = 0.0
+    rolling_friction: Annotated[float, number("1", 0, 10)] = 0.0
     """Rolling friction mu_r [1]."""
-    kn: number("N/m2", 0) | None = None
+    kn: Annotated[float, number("N/m2", 0)] | None = None
     """Normal stiffness constant of `hertz/stiffness`: k_n = kn sqrt(R* overlap) [N/m2]."""
-    kt: number("N/m2", 0) | None = None
+    kt: Annotated[float, number("N/m2", 0)] | None = None
     """Tangential stiffness constant of `hertz/stiffness` [N/m2]."""
-    gamma_n: number("1/(m s)", 0) | None = None
+    gamma_n: Annotated[float, number("1/(m s)", 0)] | None = None
     """Normal damping constant of `hertz/stiffness`: c_n = gamma_n m* sqrt(R* overlap) [1/(m s)]."""
-    gamma_t: number("1/(m s)", 0) | None = None
+    gamma_t: Annotated[float, number("1/(m s)", 0)] | None = None
     """Tangential damping constant of `hertz/stiffness` [1/(m s)]."""
 
 
@@ -63,11 +64,11 @@ class Contact(Model):
     normal: Literal["hertz", "hertz/stiffness", "hooke"] = "hertz"
     tangential: Literal["off", "no_history", "history"] = "history"
     rolling: Literal["off", "cdt"] = "off"
-    limit_force: bool = False
+    limit_force: StrictBool = False
     """Clip the normal force at zero (no attraction late in a rebound)."""
-    tangential_damping: bool = True
+    tangential_damping: StrictBool = True
     """Tangential dashpot; with `no_history` it is the whole tangential force."""
-    characteristic_velocity: number("m/s", 0, 1e4, open_lo=True) | None = None
+    characteristic_velocity: Annotated[float, positive("m/s", 1e4)] | None = None
     """Impact speed at which `hooke` is as stiff as `hertz` [m/s]."""
 
 
@@ -75,28 +76,31 @@ class Explicit(Model):
     """Particles listed one by one."""
 
     source: Literal["explicit"] = "explicit"
-    position: array(3, "m")
-    radius: number("m", 0, 1e3, open_lo=True) | array(0, "m")
-    material: Name | list[Name]
-    velocity: array(3, "m/s") | None = None
-    angular_velocity: array(3, "rad/s") | None = None
+    position: Annotated[np.ndarray, array(3, "m")]
+    radius: Annotated[float | np.ndarray, each(positive("m", 1e3))]
+    """One radius for all, or one for each [m]."""
+    material: Annotated[str | tuple[str, ...], names()]
+    """One material for all, or one for each."""
+    velocity: Annotated[np.ndarray, array(3, "m/s")] | None = None
+    angular_velocity: Annotated[np.ndarray, array(3, "rad/s")] | None = None
 
 
 class FromFile(Model):
-    """Particles from a .csv, .npz or .vtu file with columns position, radius, ... (see `packing.read_particles`)."""
+    """Particles from a .csv, .npz or .vtu file; its columns: see `packing.read_particles`."""
 
     source: Literal["file"]
-    path: str
+    path: Annotated[str, AfterValidator(os.path.abspath)]
+    """File; a relative path counts from the scene file, or from the working directory in Python."""
     material: Name
-    radius: number("m", 0, 1e3, open_lo=True) | None = None
+    radius: Annotated[float, positive("m", 1e3)] | None = None
     """Radius where the file has none [m]."""
 
 
 class RadiusShare(Model):
     """One radius of a mixture and its share by number."""
 
-    radius: number("m", 0, 1e3, open_lo=True)
-    share: number("1", 0, open_lo=True)
+    radius: Annotated[float, positive("m", 1e3)]
+    share: Annotated[float, positive("1")]
 
 
 class Lattice(Model):
@@ -104,16 +108,21 @@ class Lattice(Model):
 
     source: Literal["lattice"]
     material: Name
-    count: Annotated[int, Field(gt=0, le=50_000_000)]
-    lo: vector("m")
-    hi: vector("m")
-    radius: number("m", 0, 1e3, open_lo=True) | list[RadiusShare]
-    spacing: number("largest diameters", 1, 100) = 1.05
-    jitter: number("free gap", 0, 1) = 0.9
+    count: Annotated[int, Field(strict=True, gt=0, le=50_000_000)]
+    lo: Annotated[Vector, vector("m")]
+    hi: Annotated[Vector, vector("m")]
+    radius: Annotated[
+        Annotated[float, positive("m", 1e3), Tag("<one>")]
+        | Annotated[tuple[RadiusShare, ...], Field(min_length=1), Tag("<mixture>")],
+        Discriminator(lambda radius: "<mixture>" if isinstance(radius, list | tuple) else "<one>"),
+    ]
+    """One radius [m], or a mixture."""
+    spacing: Annotated[float, number("largest diameters", 1, 100)] = 1.05
+    jitter: Annotated[float, number("free gap", 0, 1)] = 0.9
     """Random shift as a share of the gap between lattice neighbours [1]; below 1 nothing overlaps."""
-    velocity_rms: number("m/s", 0) = 0.0
+    velocity_rms: Annotated[float, number("m/s", 0)] = 0.0
     """Root mean square of each (normally distributed) velocity component [m/s]."""
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, Field(strict=True, ge=0)] = 0
 
 
 class Plane(Model):
@@ -122,9 +131,9 @@ class Plane(Model):
     kind: Literal["plane"] = "plane"
     name: Name
     material: Name
-    point: vector("m")
-    normal: vector("1")
-    removed_at: number("s", 0, open_lo=True) | None = None
+    point: Annotated[Vector, vector("m")]
+    normal: Annotated[Vector, vector("1", nonzero=True)]
+    removed_at: Annotated[float, positive("s")] | None = None
 
 
 class Box(Model):
@@ -133,34 +142,34 @@ class Box(Model):
     kind: Literal["box"]
     name: Name
     material: Name
-    sides: list[Side] = ["xlo", "xhi", "ylo", "yhi", "zlo", "zhi"]
-    lo: vector("m") | None = None
-    hi: vector("m") | None = None
+    sides: Annotated[tuple[Side, ...], Field(min_length=1)] = ("xlo", "xhi", "ylo", "yhi", "zlo", "zhi")
+    lo: Annotated[Vector, vector("m")] | None = None
+    hi: Annotated[Vector, vector("m")] | None = None
 
 
 class Domain(Model):
     """Where particles may be: one that leaves lo..hi is an error, except through periodic sides."""
 
-    lo: vector("m")
-    hi: vector("m")
-    periodic: tuple[bool, bool, bool] = (False, False, False)
+    lo: Annotated[Vector, vector("m")]
+    hi: Annotated[Vector, vector("m")]
+    periodic: tuple[StrictBool, StrictBool, StrictBool] = (False, False, False)
 
 
 class Time(Model):
     """Time step and length of a run."""
 
-    step: number("s", 0, open_lo=True)
-    duration: number("s", 0, open_lo=True)
+    step: Annotated[float, positive("s")]
+    duration: Annotated[float, positive("s")]
 
 
 class Output(Model):
     """What is kept, each as an interval in seconds, rounded to whole steps (at least one)."""
 
-    frames_every: number("s", 0, open_lo=True) | None = None
+    frames_every: Annotated[float, positive("s")] | None = None
     """VTU frames of all particles."""
-    trace_every: number("s", 0, open_lo=True) | None = None
+    trace_every: Annotated[float, positive("s")] | None = None
     """Full-precision table of every particle (for scenes of few particles)."""
-    history_every: number("s", 0, open_lo=True) | None = None
+    history_every: Annotated[float, positive("s")] | None = None
     """Bulk quantities: energies, contacts, front, centre of mass."""
 
 
@@ -168,7 +177,7 @@ class Solver(Model):
     """How it is computed, where that changes the result."""
 
     precision: Literal["float64", "float32"] = "float64"
-    skin: number("m", 0, open_lo=True) | None = None
+    skin: Annotated[float, positive("m")] | None = None
     """Neighbour-list skin [m]; default 0.3 of the largest radius."""
 
 
@@ -188,6 +197,10 @@ class Needs(Model):
     several_radii: bool
 
 
+def _along(axis: int, value: float) -> Vector:
+    return (value if axis == 0 else 0.0, value if axis == 1 else 0.0, value if axis == 2 else 0.0)
+
+
 class Scene(Model):
     """One simulation, stated once for every code.
 
@@ -198,26 +211,34 @@ class Scene(Model):
     name: Name
     title: str = ""
     materials: Annotated[dict[Name, Material], Field(min_length=1)]
-    pairs: list[Pair]
+    pairs: tuple[Pair, ...]
     contact: Contact = Contact()
     particles: Annotated[Explicit | FromFile | Lattice, Field(discriminator="source")]
-    gravity: vector("m/s2") = (0.0, 0.0, 0.0)
-    walls: list[Annotated[Plane | Box, Field(discriminator="kind")]] = []
+    gravity: Annotated[Vector, vector("m/s2")] = (0.0, 0.0, 0.0)
+    walls: tuple[Annotated[Plane | Box, Field(discriminator="kind")], ...] = ()
     domain: Domain
     time: Time
     output: Output = Output()
     solver: Solver = Solver()
-    allow: list[Literal["time_step", "unusual_units", "overlap"]] = []
+    allow: tuple[Literal["time_step", "unusual_units", "overlap"], ...] = ()
     """Checks waived by name for this scene."""
 
     def __init__(self, /, _source: str = "<python>", **data: Any):
         try:
-            super().__init__(**data)
+            BaseModel.__init__(self, **data)
         except ValidationError as error:
-            raise SceneError(_source, scene_io.problems(error, type(self))) from None
+            found = scene_io.problems(error, Scene)
+            valid, invalid = scene_io.partial(Scene, data)
+            raise SceneError(_source, found + scene_checks.problems(valid, invalid)) from None
         found = scene_checks.problems(self)
         if found:
             raise SceneError(_source, found)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Scene) and self.to_json() == other.to_json()
+
+    def __hash__(self) -> int:
+        return hash(self.hash)
 
     # -- reading and writing -------------------------------------------------------------------------------
 
@@ -236,20 +257,25 @@ class Scene(Model):
         return json.dumps(self.model_dump(mode="json"), indent=1)
 
     def replace(self, **changes: Any) -> Scene:
-        """A copy with other values, e.g. `scene.replace(time={"step": 1e-6}, gravity=(0, 0, 0))`; validated anew.
+        """A copy with other values, validated anew: `scene.replace(time={"step": 1e-6}, gravity=(0, 0, 0))`.
 
-        A mapping changes the given keys of that section and keeps the rest.
+        A mapping changes the given keys of that section and keeps the rest, unless it names another `source`.
         """
-        data = self.model_dump(exclude_unset=True)
+        data = self.model_dump()
         for key, value in changes.items():
             merge = isinstance(value, dict) and isinstance(data.get(key), dict)
-            data[key] = {**data[key], **value} if merge else value
+            if merge and value.get("source", data[key].get("source")) == data[key].get("source"):
+                value = {**data[key], **value}
+            data[key] = value
         return type(self)(**data)
 
-    @property
+    @functools.cached_property
     def hash(self) -> str:
-        """SHA-256 of the physics (everything but name and title)."""
+        """SHA-256 of the physics: all but name and title; of a particle file the content, not the path."""
         data = self.model_dump(mode="json", exclude={"name", "title"})
+        if isinstance(self.particles, FromFile):
+            columns = dataclasses.astuple(self.state)
+            data["particles"]["path"] = hashlib.sha256(b"".join(c.tobytes() for c in columns)).hexdigest()
         return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
     # -- what follows from the statement -------------------------------------------------------------------
@@ -291,10 +317,13 @@ class Scene(Model):
             corners = {"lo": wall.lo or self.domain.lo, "hi": wall.hi or self.domain.hi}
             for side in wall.sides:
                 axis, sign = "xyz".index(side[0]), 1.0 if side.endswith("lo") else -1.0
-                normal = tuple(sign if k == axis else 0.0 for k in range(3))
-                point = tuple(corners[side[1:]][k] if k == axis else 0.0 for k in range(3))
                 planes.append(
-                    Plane(name=f"{wall.name}_{side}", material=wall.material, point=point, normal=normal)
+                    Plane(
+                        name=f"{wall.name}_{side}",
+                        material=wall.material,
+                        point=_along(axis, corners[side[1:]][axis]),
+                        normal=_along(axis, sign),
+                    )
                 )
         return planes
 
@@ -349,11 +378,13 @@ class Scene(Model):
     @property
     def n_steps(self) -> int:
         """Steps of the run: the duration, rounded up to a whole number of frames."""
-        return max(1, math.ceil(self.steps(self.time.duration) / self.frame_stride - 1e-9)) * self.frame_stride
+        return (
+            max(1, math.ceil(self.steps(self.time.duration) / self.frame_stride - 1e-9)) * self.frame_stride
+        )
 
     @property
     def segments(self) -> list[tuple[int, int, list[Plane]]]:
-        """(first step, last step, planes present) between gate removals; forces are set up anew at each start."""
+        """(first step, last step, planes present) between gate removals; forces are set up anew at each."""
         events = sorted({self.steps(p.removed_at) for p in self.planes if p.removed_at is not None})
         edges = [0, *(e for e in events if 0 < e < self.n_steps), self.n_steps]
         return [

@@ -1,11 +1,17 @@
-"""What a single field cannot show: materials that do not exist, overlaps, particles outside, time steps too large."""
+"""What a single field cannot show: missing materials, overlaps, particles outside, time steps too large.
+
+Each check reads some sections of a scene and returns its problems, one line each.
+"""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from gpudem.errors import GpudemError
+from gpudem.time_scales import hertz_time, rayleigh_time
 
 if TYPE_CHECKING:
     from gpudem.scene import Scene
@@ -14,40 +20,76 @@ if TYPE_CHECKING:
 MAX_START_OVERLAP = 0.1
 #: Largest time step: share of the Rayleigh time, and of the Hertz contact time (5 steps in a contact).
 MAX_RAYLEIGH, MAX_HERTZ = 0.5, 0.2
+#: A trace [bytes] above this fills the memory: 15 float64 numbers for each particle and row.
+MAX_TRACE = 4e9
+
+_WAIVE_UNITS = "waive with allow = ['unusual_units']"
 
 
-def problems(scene: Scene) -> list[str]:
-    """Every problem of a scene whose fields are valid one by one."""
-    found = _names(scene)
-    if found:
+def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
+    """Every problem of a scene whose fields are valid one by one.
+
+    `invalid` names the sections that are not valid (and missing from `scene`): checks that read them are left
+    out, as are checks whose answer would only repeat an earlier problem.
+    """
+    found: list[str] = []
+
+    def holds(check: Callable[[Scene], list[str]], *sections: str) -> bool:
+        if not set(sections).isdisjoint(invalid):
+            return False
+        new = check(scene)
+        found.extend(new)
+        return not new
+
+    particles = holds(_particle_materials, "materials", "particles")
+    walls = holds(_wall_materials, "materials", "walls")
+    pairs = holds(_pair_materials, "materials", "pairs")
+    domain = holds(_domain, "domain")
+    walls = walls and domain and holds(_walls, "walls", "domain")
+    holds(_duration, "time")
+    if not (particles and holds(_state)):
         return found
-    try:
-        state = scene.state
-    except ValueError as error:
-        return [f"particles: {error}"]
-    if len(state) == 0:
-        return ["particles.position: no particles"]
-    found += _pairs(scene) + _domain(scene) + _units(scene)
-    if not found:
-        found += _inside(scene) + _overlaps(scene) + _time(scene)
+    if pairs and walls:
+        holds(_pairs, "contact")
+    periodic = domain and holds(_periodic, "solver")
+    if holds(_units, "gravity") and domain:
+        if holds(_inside) and periodic:
+            holds(_overlaps, "allow")
+        if walls:
+            holds(_behind_walls, "allow")
+            holds(_reachable_walls)
+            holds(_time_step, "time", "contact", "gravity", "allow")
+        holds(_trace, "time", "output")
     return found
 
 
-def _names(scene: Scene) -> list[str]:
-    known = set(scene.materials)
-    p = scene.particles
-    used = [("particles.material", m) for m in ([p.material] if isinstance(p.material, str) else dict.fromkeys(p.material))]
-    used += [(f"walls[{i}].material", w.material) for i, w in enumerate(scene.walls)]
-    used += [(f"pairs[{i}].materials", m) for i, pair in enumerate(scene.pairs) for m in pair.materials]
-    found = [f"{key} = {m!r}: no such material; known: {', '.join(sorted(known))}" for key, m in used if m not in known]
-    planes = [w.name for w in scene.walls]
-    found += [f"walls: name {n!r} given twice" for n in sorted({n for n in planes if planes.count(n) > 1})]
-    keys = [frozenset(pair.materials) for pair in scene.pairs]
-    found += [f"pairs: {' / '.join(sorted(k))} given twice" for k in dict.fromkeys(keys) if keys.count(k) > 1]
-    for i, w in enumerate(scene.walls):
-        if w.kind == "plane" and not any(w.normal):
-            found.append(f"walls[{i}].normal = (0, 0, 0): has no direction")
-    return found
+# -- names -------------------------------------------------------------------------------------------------
+
+
+def _unknown(used: list[tuple[str, str]], scene: Scene) -> list[str]:
+    known = sorted(scene.materials)
+    return [
+        f"{key} = {name!r}: no such material; known: {', '.join(known)}"
+        for key, name in used
+        if name not in known
+    ]
+
+
+def _particle_materials(scene: Scene) -> list[str]:
+    material = scene.particles.material
+    names = [material] if isinstance(material, str) else list(dict.fromkeys(material))
+    return _unknown([("particles.material", name) for name in names], scene)
+
+
+def _wall_materials(scene: Scene) -> list[str]:
+    return _unknown([(f"walls[{i}].material", wall.material) for i, wall in enumerate(scene.walls)], scene)
+
+
+def _pair_materials(scene: Scene) -> list[str]:
+    used = [(f"pairs[{i}].materials", name) for i, pair in enumerate(scene.pairs) for name in pair.materials]
+    keys = [tuple(sorted(pair.materials)) for pair in scene.pairs]
+    twice = [key for key in dict.fromkeys(keys) if keys.count(key) > 1]
+    return _unknown(used, scene) + [f"pairs: {' / '.join(key)} given twice" for key in twice]
 
 
 def _pairs(scene: Scene) -> list[str]:
@@ -62,46 +104,70 @@ def _pairs(scene: Scene) -> list[str]:
         for pair in scene.contact_pairs:
             missing = [k for k in ("kn", "kt", "gamma_n", "gamma_t") if getattr(pair, k) is None]
             if missing:
-                found.append(f"pairs {pair.materials}: hertz/stiffness needs {', '.join(missing)}")
+                found.append(
+                    f"pairs: {' / '.join(pair.materials)}: hertz/stiffness needs {', '.join(missing)}"
+                )
     if scene.contact.normal == "hooke" and scene.contact.characteristic_velocity is None:
         found.append("contact.characteristic_velocity: missing; hooke needs it [m/s]")
     return found
 
 
+# -- space -------------------------------------------------------------------------------------------------
+
+
+def _state(scene: Scene) -> list[str]:
+    try:
+        state = scene.state
+    except (ValueError, GpudemError) as error:
+        return [f"particles.{error}"]
+    return [] if len(state) else ["particles.position: no particles"]
+
+
 def _domain(scene: Scene) -> list[str]:
-    found = []
-    lo, hi = np.array(scene.domain.lo), np.array(scene.domain.hi)
-    if not (hi > lo).all():
-        return [f"domain.hi = {scene.domain.hi}: must be above domain.lo = {scene.domain.lo} [m]"]
-    reach = 2 * float(scene.state.radius.max()) + scene.skin
-    for k in range(3):
-        if scene.domain.periodic[k] and hi[k] - lo[k] <= 2 * reach:
-            found.append(
-                f"domain: {'xyz'[k]} is periodic and {hi[k] - lo[k]:g} m long; must exceed"
-                f" 2 (largest diameter + skin) = {2 * reach:g} m"
-            )
-        for plane in scene.planes:
-            if scene.domain.periodic[k] and plane.normal[k] != 0:
-                found.append(f"walls: {plane.name} bounds {'xyz'[k]}, which is periodic")
-    return found
-
-
-def _units(scene: Scene) -> list[str]:
-    if "unusual_units" in scene.allow:
+    if all(b > a for a, b in zip(scene.domain.lo, scene.domain.hi, strict=True)):
         return []
+    return [f"domain.hi = {scene.domain.hi}: must be above domain.lo = {scene.domain.lo} in x, y and z [m]"]
+
+
+def _walls(scene: Scene) -> list[str]:
     found = []
-    radius = float(scene.state.radius.max())
-    hint = "waive with allow = ['unusual_units']"
-    if radius > 1.5:
-        found.append(f"particles.radius = {radius:g} m: SI wants metres ({radius:g} mm = {radius / 1e3:g}); {hint}")
-    for name, m in scene.materials.items():
-        if m.young < 1e4:
-            found.append(f"materials.{name}.young = {m.young:g} Pa: SI wants pascals ({m.young:g} GPa = {m.young * 1e9:g}); {hint}")
-        if m.density < 25:
-            found.append(
-                f"materials.{name}.density = {m.density:g} kg/m3: SI wants kg/m3 ({m.density:g} g/cm3 = {m.density * 1e3:g}); {hint}"
-            )
+    for i, wall in enumerate(scene.walls):
+        if wall.kind == "box":
+            lo, hi = wall.lo or scene.domain.lo, wall.hi or scene.domain.hi
+            if not all(b > a for a, b in zip(lo, hi, strict=True)):
+                found.append(f"walls[{i}].hi = {hi}: must be above lo = {lo} in x, y and z [m]")
+    names = [plane.name for plane in scene.planes]
+    found += [f"walls: name {name!r} given twice" for name in dict.fromkeys(names) if names.count(name) > 1]
+    for plane in scene.planes:
+        if any(p and n for p, n in zip(scene.domain.periodic, plane.normal, strict=True)):
+            axes = [a for a, p, n in zip("xyz", scene.domain.periodic, plane.normal, strict=True) if p and n]
+            found.append(f"walls: {plane.name} bounds {', '.join(axes)}, which is periodic")
     return found
+
+
+def _reachable_walls(scene: Scene) -> list[str]:
+    """Walls beyond the domain: particles would leave it, which is an error, before they meet the wall."""
+    lo, hi = np.array(scene.domain.lo), np.array(scene.domain.hi)
+    found = []
+    for plane in scene.planes:
+        normal, point = np.array(plane.normal), np.array(plane.point)
+        nearest = np.where(normal > 0, lo, hi)  # the corner of the domain deepest behind the wall
+        gap = float((nearest - point) @ normal)
+        if gap > 1e-9 * float(np.linalg.norm(hi - lo)):
+            found.append(f"walls: {plane.name} lies {gap:.3g} m outside the domain; no particle can reach it")
+    return found
+
+
+def _periodic(scene: Scene) -> list[str]:
+    reach = 2 * float(scene.state.radius.max()) + scene.skin
+    return [
+        f"domain: {axis} is periodic and {b - a:g} m long;"
+        f" must exceed 2 (largest diameter + skin) = {2 * reach:g} m"
+        for axis, a, b, periodic in zip(
+            "xyz", scene.domain.lo, scene.domain.hi, scene.domain.periodic, strict=True
+        )
+        if periodic and b - a <= 2 * reach
+    ]
 
 
 def _inside(scene: Scene) -> list[str]:
@@ -112,101 +178,116 @@ def _inside(scene: Scene) -> list[str]:
         i = int(np.argmax(outside))
         found.append(
             f"particles: {int(outside.sum())} outside the domain {scene.domain.lo} .. {scene.domain.hi} m,"
-            f" the first: particle {i + 1} at {tuple(state.position[i].tolist())}"
+            f" the first: particle {i + 1} at {tuple(state.position[i].tolist())} m"
         )
+    return found
+
+
+def _behind_walls(scene: Scene) -> list[str]:
+    state, found = scene.state, []
+    allowed = 2 if "overlap" in scene.allow else MAX_START_OVERLAP
     for plane in scene.planes:
         overlap = state.radius - (state.position - np.array(plane.point)) @ np.array(plane.normal)
-        bad = overlap > (2 if "overlap" in scene.allow else MAX_START_OVERLAP) * state.radius
+        bad = overlap > allowed * state.radius
         if bad.any():
             i = int(np.argmax(overlap))
             found.append(
                 f"particles: {int(bad.sum())} outside wall {plane.name}; particle {i + 1} reaches"
-                f" {overlap[i]:.3g} m into it (allowed: {MAX_START_OVERLAP:g} radii)"
+                f" {overlap[i]:.3g} m into it (allowed: {allowed:g} radii)"
             )
     return found
 
 
 def _overlaps(scene: Scene) -> list[str]:
-    if "overlap" in scene.allow:
+    if "overlap" in scene.allow or len(scene.state) < 2:
         return []
-    from scipy.spatial import cKDTree
+    from scipy import spatial
 
     state = scene.state
     size = np.array(scene.domain.hi) - np.array(scene.domain.lo)
-    boxsize = np.where(scene.domain.periodic, size, 0.0)
-    shifted = state.position - np.array(scene.domain.lo)
-    tree = cKDTree(np.where(boxsize > 0, shifted % np.where(boxsize > 0, boxsize, 1.0), shifted), boxsize=boxsize)
+    wrap = np.array(scene.domain.periodic)
+    place = state.position - np.array(scene.domain.lo)
+    place[:, wrap] %= size[wrap]
+    place[wrap & (place >= size)] = 0.0  # rounding: -1e-17 % L is L, which the tree refuses
+    tree = spatial.KDTree(place, boxsize=np.where(wrap, size, 0.0))
     reach = 2 * float(state.radius.max())
     pairs = tree.query_pairs(reach * (1 - 1e-12), output_type="ndarray")
     if not len(pairs):
         return []
     i, j = pairs.T
-    d = shifted[i] - shifted[j]
-    d -= np.where(boxsize > 0, boxsize * np.round(d / np.where(boxsize > 0, boxsize, 1.0)), 0.0)
+    d = place[i] - place[j]
+    d[:, wrap] -= size[wrap] * np.round(d[:, wrap] / size[wrap])
     overlap = state.radius[i] + state.radius[j] - np.linalg.norm(d, axis=1)
     share = overlap / np.minimum(state.radius[i], state.radius[j])
     if share.max() <= MAX_START_OVERLAP:
         return []
     k = int(np.argmax(share))
     return [
-        f"particles: {int((share > MAX_START_OVERLAP).sum())} pairs overlap at the start, the worst: {i[k] + 1} and"
-        f" {j[k] + 1} by {overlap[k]:.3g} m (allowed: {MAX_START_OVERLAP:g} of the smaller radius);"
-        " waive with allow = ['overlap']"
+        f"particles: {int((share > MAX_START_OVERLAP).sum())} pairs overlap at the start, the worst:"
+        f" {i[k] + 1} and {j[k] + 1} by {overlap[k]:.3g} m"
+        f" (allowed: {MAX_START_OVERLAP:g} of the smaller radius); waive with allow = ['overlap']"
     ]
 
 
-def rayleigh_time(scene: Scene) -> float:
-    """Smallest Rayleigh time [s] of the particles: pi R sqrt(rho/G) / (0.1631 nu + 0.8766), G = E/(2 (1 + nu)).
-
-    Source: LIGGGHTS manual, fix check/timestep/gran.
-    """
-    times = []
-    for name, index in scene.material_index.items():
-        mine = scene.state.radius[scene.state.material == index]
-        if len(mine):
-            m = scene.materials[name]
-            shear = m.young / (2 * (1 + m.poisson))
-            times.append(math.pi * mine.min() * math.sqrt(m.density / shear) / (0.1631 * m.poisson + 0.8766))
-    return float(min(times))
+# -- units and time ----------------------------------------------------------------------------------------
 
 
-def top_speed(scene: Scene) -> float:
-    """Largest speed [m/s] to expect: the largest at the start, and a fall through the domain."""
-    size = np.abs(np.array(scene.domain.hi) - np.array(scene.domain.lo))
-    fall = math.sqrt(2 * float(np.abs(scene.gravity) @ size))
-    return max(float(np.linalg.norm(scene.state.velocity, axis=1).max()), fall if scene.walls else 0.0)
-
-
-def hertz_time(scene: Scene) -> float:
-    """Shortest Hertz contact time [s] at twice the top speed: 2.868266 (m*^2/(R* E*^2 v))^(1/5); inf if none moves.
-
-    Source: Hertz' elastic impact; the constant is (4/5) sqrt(pi) Gamma(2/5)/Gamma(9/10) (15/16)^(2/5).
-    """
-    speed = 2 * top_speed(scene)
-    if speed == 0:
-        return math.inf
-    times = []
-    for name, index in scene.material_index.items():
-        mine = scene.state.radius[scene.state.material == index]
-        if len(mine):
-            m, r = scene.materials[name], mine.min()
-            mass = m.density * 4 / 3 * math.pi * r**3
-            modulus = m.young / (2 * (1 - m.poisson**2))
-            times.append(2.868266 * ((mass / 2) ** 2 / (r / 2 * modulus**2 * speed)) ** 0.2)
-    return float(min(times))
-
-
-def _time(scene: Scene) -> list[str]:
+def _units(scene: Scene) -> list[str]:
+    """Values that smell of millimetres, gigapascals or g/cm3."""
+    if "unusual_units" in scene.allow:
+        return []
     found = []
-    dt = scene.time.step
-    if dt > scene.time.duration:
-        found.append(f"time.step = {dt:g} s: longer than time.duration = {scene.time.duration:g} s")
-    if "time_step" in scene.allow or scene.contact.normal == "hertz/stiffness":
-        return found
-    for what, limit, share in (("Rayleigh time", rayleigh_time(scene), MAX_RAYLEIGH), ("Hertz contact time", hertz_time(scene), MAX_HERTZ)):
-        if dt > share * limit:
+    radius, gravity = float(scene.state.radius.max()), max(map(abs, scene.gravity))
+    if radius > 1.5:
+        found.append(f"particles.radius = {radius:g} m: {radius:g} mm is {radius / 1e3:g} m; {_WAIVE_UNITS}")
+    if gravity > 5000:
+        found.append(
+            f"gravity = {gravity:g} m/s2: {gravity:g} mm/s2 is {gravity / 1e3:g} m/s2; {_WAIVE_UNITS}"
+        )
+    for name, m in scene.materials.items():
+        key = f"materials.{name}"
+        if m.young < 1e4:
             found.append(
-                f"time.step = {dt:g} s: above {share:g} of the {what} {limit:.4g} s; allowed: <= {share * limit:.3g} s;"
-                " waive with allow = ['time_step']"
+                f"{key}.young = {m.young:g} Pa: {m.young:g} GPa is {m.young * 1e9:g} Pa; {_WAIVE_UNITS}"
+            )
+        if m.density < 10:
+            found.append(
+                f"{key}.density = {m.density:g} kg/m3: {m.density:g} g/cm3 is {m.density * 1e3:g} kg/m3;"
+                f" {_WAIVE_UNITS}"
             )
     return found
+
+
+def _duration(scene: Scene) -> list[str]:
+    step, duration = scene.time.step, scene.time.duration
+    return [f"time.step = {step:g} s: longer than time.duration = {duration:g} s"] if step > duration else []
+
+
+def _time_step(scene: Scene) -> list[str]:
+    if "time_step" in scene.allow or scene.contact.normal == "hertz/stiffness":
+        return []
+    limits = (
+        ("Rayleigh time", rayleigh_time(scene), MAX_RAYLEIGH),
+        ("Hertz contact time", hertz_time(scene), MAX_HERTZ),
+    )
+    return [
+        f"time.step = {scene.time.step:g} s: above {share:g} of the {what} {limit:.4g} s;"
+        f" allowed: <= {share * limit:.3g} s; waive with allow = ['time_step']"
+        for what, limit, share in limits
+        if scene.time.step > share * limit
+    ]
+
+
+def _trace(scene: Scene) -> list[str]:
+    stride = scene.stride(scene.output.trace_every)
+    if stride is None:
+        return []
+    rows = scene.n_steps // stride + 1
+    size = 15 * 8 * rows * len(scene.state)
+    if size <= MAX_TRACE:
+        return []
+    return [
+        f"output.trace_every = {scene.output.trace_every:g} s: {rows} rows of {len(scene.state)} particles"
+        f" take {size / 1e9:.3g} GB; allowed: <= {MAX_TRACE / 1e9:g} GB; give a longer interval,"
+        " or use frames_every"
+    ]

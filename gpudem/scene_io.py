@@ -5,24 +5,30 @@ from __future__ import annotations
 import difflib
 import json
 import tomllib
-import types
 import typing
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ValidationError
+import numpy as np
+from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic.fields import FieldInfo
 
 from gpudem.errors import SceneError
 
+AnyModel = TypeVar("AnyModel", bound=BaseModel)
+
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The tables of a scene file, particle paths made absolute. Raises SceneError."""
+    """The tables of a scene file, particle paths counted from its folder. Raises SceneError."""
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise SceneError(str(path), ["no such file"]) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(str(path), [f"cannot be read: {error}"]) from None
+    except UnicodeDecodeError as error:
+        raise SceneError(str(path), [f"not a text file: byte {error.start} is not UTF-8"]) from None
+    except OSError as error:
+        raise SceneError(str(path), [f"cannot be read: {error.strerror}"]) from None
     except tomllib.TOMLDecodeError as error:
         raise SceneError(str(path), [f"not TOML: {error}"]) from None
     particles = data.get("particles")
@@ -44,65 +50,114 @@ def parse_json(text: str, source: str) -> dict[str, Any]:
 
 def problems(error: ValidationError, model: type[BaseModel]) -> list[str]:
     """One line for each finding: key, value, what is wrong, what is allowed."""
-    lines = []
-    for item in error.errors(include_url=False, include_context=True):
-        location = _location(item["loc"])
-        if item["type"] == "extra_forbidden":
-            lines.append(f"{location}: unknown key{_nearest(item['loc'], model)}")
-        elif item["type"] == "missing":
-            lines.append(f"{location}: missing")
-        else:
-            message = item["msg"].removeprefix("Value error, ")
-            lines.append(f"{location} = {_short(item['input'])}: {message}")
-    return list(dict.fromkeys(lines))
+    return list(dict.fromkeys(_line(item, model) for item in error.errors(include_url=False)))
 
 
-#: Tags that pydantic puts into a location for a member of a union; the user wrote none of them.
-_TAGS = {"explicit", "file", "lattice", "plane", "box", "[key]"}
+def partial(model: type[AnyModel], data: dict[str, Any]) -> tuple[AnyModel, set[str]]:
+    """The sections of an invalid statement that are valid by themselves, and the names of those that are not.
+
+    Lets checks across sections run on what is left, so that a user sees all problems at once.
+    """
+    valid, invalid = {}, set()
+    for key, field in model.model_fields.items():
+        try:
+            if key in data or field.is_required():
+                section: Any = Annotated[field.annotation, field]  # pyright: ignore[reportInvalidTypeForm]
+                valid[key] = TypeAdapter(section).validate_python(data[key])
+        except (KeyError, ValidationError):
+            invalid.add(key)
+    return model.model_construct(**valid), invalid
 
 
-def _location(parts: tuple[Any, ...]) -> str:
+#: What pydantic calls a wrong kind of value, in words.
+_KINDS = {
+    "model_type": "must be a table",
+    "dict_type": "must be a table",
+    "list_type": "must be a list",
+    "tuple_type": "must be a list",
+    "string_type": "must be text in quotes",
+    "bool_type": "must be true or false",
+    "int_type": "must be a whole number",
+}
+
+
+def _line(item: Any, model: type[BaseModel]) -> str:
+    loc, context = tuple(p for p in item["loc"] if not str(p).startswith("<")), item.get("ctx", {})
+    key, value = _location(loc), _short(item["input"])
+    match item["type"]:
+        case "extra_forbidden":
+            return f"{key}: unknown key{_nearest(loc[-1], _fields(loc[:-1], model))}"
+        case "missing":
+            field = _fields(loc[:-1], model).get(loc[-1])
+            unit = next((m.unit for m in field.metadata if hasattr(m, "unit")), "") if field else ""
+            return f"{key}: missing{f' [{unit}]' if unit else ''}"
+        case "union_tag_not_found":
+            known = _tags(loc, model)
+            return f"{key}.{context['discriminator'].strip(chr(39))}: missing; one of: {', '.join(known)}"
+        case "union_tag_invalid":
+            tag = context["discriminator"].strip("'")
+            return f"{key}.{tag} = {context['tag']!r}: unknown{_nearest(context['tag'], _tags(loc, model))}"
+        case "literal_error":
+            return f"{key} = {value}: unknown{_nearest(item['input'], _words(context['expected']))}"
+        case kind:
+            message = _KINDS.get(
+                kind, item["msg"].removeprefix("Value error, ").replace("Input should", "must")
+            )
+            return f"{key} = {value}: {message}"
+
+
+def _words(expected: str) -> list[str]:
+    """'a', 'b' or 'c' -> a, b, c."""
+    return expected.replace(" or ", ", ").replace("'", "").split(", ")
+
+
+def _location(loc: tuple[Any, ...]) -> str:
+    """particles.radius, walls[2].name, ... without what pydantic adds: the tag of a union's member, [key]."""
     text = ""
-    for part in parts:
+    for i, part in enumerate(loc):
+        tag = (i == 1 and loc[0] == "particles") or (i == 2 and loc[0] == "walls")
         if isinstance(part, int):
             text += f"[{part}]"
-        elif part not in _TAGS and not any(mark in part for mark in ("function-", "constrained-", "list[", "float")):
+        elif not tag and part != "[key]":
             text += f".{part}" if text else part
     return text or "scene"
 
 
-def _nearest(loc: tuple[Any, ...], model: type[BaseModel]) -> str:
-    """`, did you mean ...` from the keys of the model that the unknown key stands in."""
-    known = _known_keys(loc[:-1], model)
-    close = difflib.get_close_matches(str(loc[-1]), known, n=1, cutoff=0.5)
+def _nearest(word: Any, known: Iterable[str]) -> str:
+    known = list(known)
+    close = difflib.get_close_matches(str(word), known, n=1, cutoff=0.5)
     return f"; did you mean {close[0]!r}?" if close else f"; known: {', '.join(known)}"
 
 
-def _known_keys(path: tuple[Any, ...], model: type[BaseModel]) -> list[str]:
+def _fields(loc: tuple[Any, ...], model: type[BaseModel]) -> dict[Any, FieldInfo]:
+    """The fields of the section that a location points to; of a union's members, those of the tag named."""
     models = [model]
-    for part in path:
-        if isinstance(part, str) and part in _TAGS:
-            tagged = [m for m in models if _tag(m) == part]
-            models = tagged or models
-        elif isinstance(part, str):
-            inner = [m for x in models if part in x.model_fields for m in _models(x.model_fields[part].annotation)]
-            models = inner or models
-    return [key for m in models for key in m.model_fields]
+    for part in loc:
+        if isinstance(part, int):
+            continue
+        tagged = [m for m in models if part in _tag(m)]
+        inner = [
+            m for x in models if part in x.model_fields for m in _models(x.model_fields[part].annotation)
+        ]
+        models = tagged or inner or models
+    return {key: field for m in models for key, field in m.model_fields.items()}
 
 
-def _tag(model: type[BaseModel]) -> str | None:
-    for name in ("source", "kind"):
-        if name in model.model_fields:
-            return typing.get_args(model.model_fields[name].annotation)[0]
-    return None
+def _tags(loc: tuple[Any, ...], model: type[BaseModel]) -> list[str]:
+    return [tag for m in _models(model.model_fields[loc[0]].annotation) for tag in _tag(m)]
+
+
+def _tag(model: type[BaseModel]) -> tuple[str, ...]:
+    field = model.model_fields.get("source") or model.model_fields.get("kind")
+    return typing.get_args(field.annotation) if field else ()
 
 
 def _models(annotation: Any) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
-        return [annotation] if issubclass(annotation, BaseModel) else []
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
     return [m for a in typing.get_args(annotation) for m in _models(a)]
 
 
 def _short(value: Any) -> str:
-    text = repr(value)
+    text = " ".join(repr(value.item() if isinstance(value, np.generic) else value).split())
     return text if len(text) <= 60 else text[:57] + "..."

@@ -63,7 +63,7 @@ find_python() { # the newest of these that is >= 3.11 and can make an environmen
   local name
   for name in "${PYTHON:-python3}" python3.13 python3.12 python3.11; do
     if "$name" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
-      command -v "$name"
+      "$name" -c "import sys; print(sys.executable)"
       return
     fi
   done
