@@ -1,1 +1,31 @@
-"""gpudem: a discrete element solver on NVIDIA Warp, built to be verified."""
+"""gpudem: a discrete element solver on NVIDIA Warp, built to be verified.
+
+    import gpudem
+
+    scene = gpudem.Scene.from_toml("examples/drop.toml")
+    run = gpudem.simulate(scene, "runs/drop")
+
+Importing it is light: Warp, pandas and VTK are imported when first needed.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from gpudem.errors import GpudemError, SceneError, SimulationError
+from gpudem.run import Run
+from gpudem.scene import Scene
+
+if TYPE_CHECKING:
+    from gpudem.simulation import run as simulate
+
+__version__ = "0.1.0"
+__all__ = ["GpudemError", "Run", "Scene", "SceneError", "SimulationError", "__version__", "simulate"]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "simulate":  # needs Warp
+        from gpudem.simulation import run
+
+        return run
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

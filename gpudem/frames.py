@@ -10,6 +10,7 @@ import dataclasses
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +31,7 @@ def write_vtu(path: Path, frame: Frame) -> None:
     import meshio
 
     n = len(frame["position"])
-    data = {k: np.ascontiguousarray(v) for k, v in frame.items()}
+    data: dict[str, Any] = {k: np.ascontiguousarray(v) for k, v in frame.items()}
     mesh = meshio.Mesh(data["position"], [("vertex", np.arange(n).reshape(-1, 1))], point_data=data)
     partial = path.with_suffix(".part")
     mesh.write(partial, file_format="vtu", binary=True, compression=None)
@@ -47,7 +48,13 @@ def read_vtu(path: Path) -> Frame:
         mesh = meshio.read(path, file_format="vtu")
     except (Exception, SystemExit) as error:  # meshio raises many kinds, and exits on some broken files
         raise FrameError(f"{path}: truncated or corrupted VTU ({type(error).__name__}: {error})") from error
-    return {"points": np.asarray(mesh.points), **{k: np.asarray(v) for k, v in mesh.point_data.items()}}
+    frame = {"points": np.asarray(mesh.points), **{k: np.asarray(v) for k, v in mesh.point_data.items()}}
+    for name, column in frame.items():
+        if len(column) != len(mesh.points):
+            raise FrameError(
+                f"{path}: truncated: {name} has {len(column)} rows for {len(mesh.points)} points"
+            )
+    return frame
 
 
 def _walls_mesh(planes: list[Plane], lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -122,13 +129,13 @@ class Frames:
         """From run.pvd. Raises FrameError if it is missing or broken."""
         path = directory / PVD
         if not path.is_file():
-            return cls(directory, np.zeros(0), [])
+            raise FrameError(f"{path}: no such file; the run wrote no frames here")
         try:
             sets = ElementTree.parse(path).getroot().findall("Collection/DataSet")
-        except ElementTree.ParseError as error:
-            raise FrameError(f"{path}: broken: {error}") from error
-        mine = [s for s in sets if s.get("part") == "0"]
-        return cls(directory, np.array([float(s.attrib["timestep"]) for s in mine]), [s.attrib["file"] for s in mine])
+            mine = [(float(s.attrib["timestep"]), s.attrib["file"]) for s in sets if s.get("part") == "0"]
+        except (ElementTree.ParseError, KeyError, ValueError) as error:
+            raise FrameError(f"{path}: truncated or corrupted ({type(error).__name__}: {error})") from error
+        return cls(directory, np.array([time for time, _ in mine]), [name for _, name in mine])
 
     def __len__(self) -> int:
         return len(self.names)

@@ -1,6 +1,6 @@
 """A finished run of any code, in one form on disk and in memory.
 
-    DIRECTORY/scene.json  run.json  run.pvd  frames/p_*.vtu  history.csv  trace.npz
+DIRECTORY/scene.json  run.json  run.pvd  frames/p_*.vtu  history.csv  trace.npz
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Run:
     notes: dict[str, Any] = dataclasses.field(default_factory=dict)
     """Facts for the provenance section: deck hash, recorded or live, neighbour-list rebuilds, ..."""
     trace: dict[str, np.ndarray] | None = None
-    """step (t,), time (t,), and position, velocity, angular_velocity, force, torque, each (t, n, 3), in id order."""
+    """step (t,), time (t,), and position, velocity, angular_velocity, force, torque, each (t, n, 3)."""
     history: pandas.DataFrame | None = None
     """Bulk quantities in time: columns HISTORY_COLUMNS."""
 
@@ -87,7 +87,7 @@ class Run:
         if self.history is not None:
             self.history.to_csv(self.directory / "history.csv", index=False, float_format="%.17g")
         if self.trace is not None:
-            np.savez(self.directory / "trace.npz", **self.trace)
+            np.savez(self.directory / "trace.npz", **self.trace)  # pyright: ignore[reportArgumentType]
 
     @classmethod
     def load(cls, directory: Path) -> Run:
