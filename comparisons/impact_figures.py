@@ -1,0 +1,148 @@
+"""Figures and the table that the cases of few particles share."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from comparisons.case import Figure, Results, Table
+from comparisons.impact_checks import CODES, finest, ladder, step_of
+from comparisons.impacts import Meeting, errors, exact, observables, relative_velocity
+from comparisons.metrics import trace as measure
+from comparisons.oracles import closed_forms
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+
+def overlay(meetings: list[Meeting], prefix: str = "", component: int = 0, title: str = "") -> Figure:
+    """Velocity of both codes in time, and below their differences from each other and the exact motion.
+
+    Component 0: along the normal at the first touch, 1: along the slip.
+    """
+    name = ("normal", "tangential")[component]
+
+    def draw(results: Results) -> MatplotlibFigure:
+        import matplotlib.pyplot as plt
+
+        figure, (top, low) = plt.subplots(2, 1, figsize=(7.5, 6.5), sharex=True, height_ratios=(3, 2))
+        label = finest(results, prefix)
+        for k, m in enumerate(meetings):
+            truth = exact(results, results[label, "gpudem"].scene, m)
+            scale, curves = float(np.hypot(truth.speed, truth.slip)), {}
+            for code in results.codes(label):
+                run = results[label, code]
+                since = (run.trace["time"] - truth.touch) / truth.contact.duration
+                curves[code] = relative_velocity(run, m) @ truth.frame[component] / scale
+                thin = slice(None, None, max(1, len(since) // 25)) if code != "gpudem" else slice(None)
+                style, text = ("-", m.label) if code == "gpudem" else ("o", None)
+                top.plot(since[thin], curves[code][thin], style, color=f"C{k}", ms=3, label=text)
+            at = truth.at(run.trace["time"])["velocity"]
+            relative = at[:, 0] - (at[:, 1] if len(m.rows) > 1 else 0)
+            late = curves["gpudem"] - relative @ truth.frame[component] / scale
+            low.semilogy(since, _floor(late), "--", color=f"C{k}")
+            if len(curves) > 1:
+                low.semilogy(since, _floor(curves["gpudem"] - curves["liggghts"]), "-", color=f"C{k}")
+        top.set_ylabel(f"{name} velocity / impact speed")
+        low.set_ylabel("difference")
+        low.set_xlabel("time since the first touch / contact time")
+        low.set_xlim(-0.1, 1.3)
+        low.set_title("solid: gpudem - LIGGGHTS, dashed: gpudem - ODE", fontsize=9)
+        top.legend(fontsize=8, ncols=2)
+        return figure
+
+    return Figure(
+        title or f"{name.capitalize()} velocity through the impact",
+        "Above: gpudem (lines) on LIGGGHTS (dots). Below: the codes differ from each other by rounding,"
+        " and both differ from the exact motion by the error of the time step, which they share.",
+        draw, needs=CODES,
+    )  # fmt: skip
+
+
+def _floor(difference: np.ndarray) -> np.ndarray:
+    return np.maximum(np.abs(difference), 1e-18)
+
+
+def convergence(meetings: list[Meeting], prefix: str = "") -> Figure:
+    """Velocity error against the time step, one line per meeting and code, with the observed order."""
+
+    def draw(results: Results) -> MatplotlibFigure:
+        import matplotlib.pyplot as plt
+
+        figure, axes = plt.subplots(figsize=(7, 5))
+        for k, m in enumerate(meetings):
+            for code in results.codes():
+                rows = _ladder(results, prefix, code, m)
+                slope = measure.observed_order(rows[:, 0], rows[:, 2])
+                line, text = ("-", f"{m.label}: order {slope:.2f}") if code == "gpudem" else ("o", None)
+                axes.loglog(rows[:, 0], rows[:, 2], line, color=f"C{k}", label=text, mfc="none")
+        axes.set(xlabel="time step [s]", ylabel="largest velocity error / impact speed")
+        axes.legend(fontsize=8)
+        return figure
+
+    return Figure(
+        "Error against time step",
+        "gpudem (lines) and LIGGGHTS (circles) against the exact motion. A dashpot that sees half-step"
+        " velocities makes damped impacts first order; without damping the scheme is second order.",
+        draw,
+    )  # fmt: skip
+
+
+def work_precision(meetings: list[Meeting], prefix: str = "") -> Figure:
+    """Velocity error, largest over the meetings, against the seconds spent stepping."""
+
+    def draw(results: Results) -> MatplotlibFigure:
+        import matplotlib.pyplot as plt
+
+        figure, axes = plt.subplots(figsize=(7, 5))
+        for k, code in enumerate(results.codes()):
+            rows = np.max([_ladder(results, prefix, code, m) for m in meetings], axis=0)
+            axes.loglog(rows[:, 1], rows[:, 2], "o-", color=f"C{k}", label=code)
+        axes.set(xlabel="stepping time [s]", ylabel="largest velocity error / impact speed")
+        axes.legend()
+        return figure
+
+    return Figure(
+        "Error against stepping time",
+        "What a given error costs. With so few particles a step costs its fixed overhead alone, so that"
+        " this shows the overhead of a step, not the speed of either code on a large scene.",
+        draw, section="work_precision",
+    )  # fmt: skip
+
+
+def _ladder(results: Results, prefix: str, code: str, m: Meeting) -> np.ndarray:
+    """Rows of (step [s], stepping time [s], velocity error), by step."""
+    rows = []
+    for label in ladder(results, prefix):
+        run = results[label, code]
+        rows.append((step_of(results, label), run.timing.stepping_s, errors(results, run, m)["velocity"]))
+    return np.array(sorted(rows))
+
+
+def observables_table(meetings: list[Meeting], prefix: str = "", limit_force: bool = False) -> Table:
+    """Peak overlap, contact time and rebound of the finest run of each code beside the closed forms."""
+
+    def make(results: Results) -> pandas.DataFrame:
+        import pandas
+
+        rows, label = [], finest(results, prefix)
+        for m in meetings:
+            truth = exact(results, results[label, results.codes(label)[0]].scene, m)
+            want = (
+                1e6 * closed_forms.peak_overlap(truth.bodies, truth.speed),
+                1e6 * closed_forms.contact_time(truth.bodies, truth.speed),
+                closed_forms.restitution(truth.bodies, limit_force),
+            )
+            rows.append((m.label, "closed form", *want))
+            for code in results.codes(label):
+                got = observables(results, results[label, code], m)
+                rows.append(
+                    (m.label, code, 1e6 * got["peak_overlap"], 1e6 * got["contact_time"], got["rebound"])
+                )
+        return pandas.DataFrame(
+            rows, columns=["impact", "by", "peak overlap [um]", "time to zero overlap [us]", "rebound [1]"]
+        )
+
+    return Table("Peak overlap, contact time, rebound", "The finest time step beside the closed forms.", make)
