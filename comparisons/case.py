@@ -19,6 +19,9 @@ TIERS: tuple[Tier, ...] = ("quick", "standard", "full")
 #: What a check is held against: Analytical (closed form, ODE, invariance), Published data, cross-code (X), Regression.
 Mark = Literal["A", "P", "X", "R"]
 
+#: Where a figure or table stands in the report: with its case, or in a section that collects from all cases.
+Section = Literal["case", "work_precision", "limits", "leaves_out"]
+
 
 @dataclasses.dataclass(frozen=True)
 class Variant:
@@ -110,6 +113,7 @@ class Figure:
     draw: Callable[[Results], MatplotlibFigure]
     tiers: tuple[Tier, ...] = TIERS
     needs: tuple[str, ...] = ("gpudem",)
+    section: Section = "case"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,6 +125,7 @@ class Table:
     make: Callable[[Results], pandas.DataFrame]
     tiers: tuple[Tier, ...] = TIERS
     needs: tuple[str, ...] = ("gpudem",)
+    section: Section = "case"
 
 
 @dataclasses.dataclass(frozen=True)

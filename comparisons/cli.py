@@ -1,0 +1,199 @@
+"""The command line.
+
+Exit codes: 0 all checks hold, 1 a check fails, 2 bad input, 3 a code could not run, 130 Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from comparisons import codes
+from comparisons.case import TIERS
+from gpudem.errors import GpudemError, SceneError
+
+BAD_INPUT, COULD_NOT_RUN, INTERRUPTED = 2, 3, 130
+
+DEVICE = click.option(
+    "--device", default="cpu", show_default=True, help="Warp device of gpudem: cpu, cuda:0."
+)
+PRECISION = click.option(
+    "--precision", type=click.Choice(["float64", "float32"]), help="Overrides the scene's."
+)
+THREADS = click.option(
+    "--threads", type=click.IntRange(1), help="Cores of gpudem on the CPU.  [default: all]"
+)
+RANKS = click.option(
+    "--ranks", type=click.IntRange(1), default=1, show_default=True, help="MPI ranks of LIGGGHTS."
+)
+QUIET = click.option("-q", "--quiet", is_flag=True, help="No progress.")
+SCENE = click.argument("scene", type=click.Path(path_type=Path))
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(package_name="gpudem")
+def app() -> None:
+    """Discrete element method on NVIDIA Warp, cross-validated against LIGGGHTS."""
+
+
+@app.command()
+@SCENE
+@click.option("--code", "code", type=click.Choice(list(codes.CODES)), default="gpudem", show_default=True)
+@DEVICE
+@PRECISION
+@THREADS
+@RANKS
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="New or empty folder.  [default: runs/<UTC>_<commit>]"
+)
+@QUIET
+def run(scene: Path, code: str, out: Path | None, quiet: bool, **options: Any) -> int:
+    """Run one scene; frames open in ParaView by run.pvd."""
+    from comparisons import cli_scene
+
+    return cli_scene.run(scene, code, codes.Options(**options), out, quiet)
+
+
+@app.command()
+@SCENE
+def deck(scene: Path) -> int:
+    """Print the LIGGGHTS deck of a scene."""
+    from comparisons import cli_scene
+
+    return cli_scene.deck(scene)
+
+
+@app.command()
+@SCENE
+def validate(scene: Path) -> int:
+    """Check a scene file and say what it amounts to; nothing runs."""
+    from comparisons import cli_scene
+
+    return cli_scene.validate(scene)
+
+
+@app.command()
+@click.option(
+    "--tier", type=click.Choice(TIERS), default="quick", show_default=True, help="Whose checks to count."
+)
+def cases(tier: Any) -> int:
+    """List the comparison cases."""
+    from comparisons.discover import find_cases
+
+    found = find_cases()
+    width = max([len(case.name) for case in found], default=0)
+    for case in found:
+        count = sum(tier in check.tiers for check in case.checks)
+        where = f"{count:3d} checks" if tier in case.tiers else f"not in {tier}"
+        click.echo(f"{case.name:{width}}  {where}  {case.title}")
+    return 0
+
+
+@app.command()
+@click.argument("case", nargs=-1)
+@click.option("--tier", type=click.Choice(TIERS), default="quick", show_default=True)
+@click.option("--codes", "chosen", default=",".join(codes.CODES), show_default=True, help="Comma-separated.")
+@DEVICE
+@PRECISION
+@THREADS
+@RANKS
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="New or empty folder.  [default: runs/<UTC>_<commit>]"
+)
+@QUIET
+def compare(
+    case: tuple[str, ...], tier: Any, chosen: str, out: Path | None, quiet: bool, **options: Any
+) -> int:
+    """Run cases (default: all) through the codes; write results.json, junit.xml and report.html."""
+    from comparisons import execute, progress, provenance
+    from comparisons.discover import find_cases, select
+
+    names = tuple(dict.fromkeys(name.strip() for name in chosen.split(",") if name.strip()))
+    unknown = [name for name in names if name not in codes.CODES]
+    if unknown or not names:
+        raise GpudemError(f"--codes: no code {chosen!r}; known: {', '.join(codes.CODES)}")
+    cases = select(find_cases(), case, tier)
+    if not cases:
+        raise GpudemError(f"no case in the {tier} tier")
+    directory = (
+        execute.own_directory(out) if out else execute.new_directory(Path("runs"), provenance.commit()[0])
+    )
+    reporter = progress.reporter(quiet)
+    reporter.say(f"report: {directory / 'report.html'} (rewritten after every case)")
+    session = execute.Session(
+        cases, directory, tier=tier, selected=names, options=codes.Options(**options), reporter=reporter
+    )
+    result = session.run()
+    n = result.counts()
+    click.echo(
+        f"{n['pass']} pass, {n['fail']} fail, {n['error']} error, {n['left_out']} left out"
+        f" in {progress.duration(result.wall_s)}\n{directory / 'report.html'}"
+    )
+    if result.state == "interrupted":
+        click.echo("interrupted: what was done so far is in the report", err=True)
+    return result.exit_code()
+
+
+@app.command()
+@click.argument("directory", type=click.Path(path_type=Path))
+def report(directory: Path) -> int:
+    """Rebuild report.html and junit.xml of a comparison from its stored results; no code runs."""
+    from comparisons import junit, results
+    from comparisons import report as page
+
+    comparison = results.load(directory)
+    try:
+        junit.write(comparison, directory)
+        click.echo(page.write(comparison, directory))
+    except OSError as error:
+        raise GpudemError(f"{directory}: cannot write there: {error.strerror}") from None
+    return 0
+
+
+@app.command(add_help_option=False, context_settings={"ignore_unknown_options": True})
+@click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
+def bench(arguments: tuple[str, ...]) -> int:
+    """Measure speed and memory of both codes on beds of spheres; `gpudem bench --help` for its options."""
+    from comparisons import bench as module
+
+    return module.main(list(arguments)) or 0
+
+
+@app.command()
+def info() -> int:
+    """Versions, devices, the LIGGGHTS binary, rendering."""
+    from comparisons import cli_info
+
+    return cli_info.show()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line and return its exit code; our own errors are printed without traceback."""
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        return app.main(arguments, prog_name="gpudem", standalone_mode=False) or 0
+    except SceneError as error:
+        click.echo(str(error), err=True)
+        return BAD_INPUT
+    except GpudemError as error:
+        click.echo(f"error: {error}", err=True)
+        return getattr(error, "exit_code", BAD_INPUT)
+    except click.ClickException as error:
+        error.show()
+        return BAD_INPUT
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("interrupted", err=True)
+        return INTERRUPTED
+
+
+def _interrupt(signum: int, frame: Any) -> None:
+    raise KeyboardInterrupt
+
+
+def entry() -> None:
+    """The `gpudem` command."""
+    sys.exit(main())

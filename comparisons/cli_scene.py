@@ -1,0 +1,94 @@
+"""The commands about one scene: run, deck, validate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import numpy as np
+
+from comparisons import codes, execute, progress, provenance, setup_table
+from gpudem.errors import GpudemError
+from gpudem.scene import Scene
+
+
+class RunError(GpudemError):
+    """A code could not run a valid scene."""
+
+    exit_code = 3
+
+
+def run(path: Path, code: str, options: codes.Options, out: Path | None, quiet: bool) -> int:
+    """Run a scene file through one code into a folder; Ctrl-C keeps the frames written so far."""
+    scene = Scene.from_toml(path)
+    directory = (
+        execute.own_directory(out) if out else execute.new_directory(Path("runs"), provenance.commit()[0])
+    )
+    (directory / "scene.json").write_text(scene.to_json())
+    reporter = progress.reporter(quiet)
+    reporter.say(f"{scene.name}: {len(scene.state)} particles, {scene.n_steps} steps -> {directory}")
+    reporter.begin(scene.name, len(scene.state), scene.n_steps)
+    try:
+        result = codes.CODES[code].run(scene, directory, options, reporter.step, {})
+    except KeyboardInterrupt:
+        reporter.close()
+        click.echo(f"interrupted at step {reporter.pace.done}; what is on disk stays: {directory}", err=True)
+        return 130
+    except GpudemError as error:
+        raise RunError(
+            f"{codes.title(code)} could not run {path}: {error}\nwhat is on disk stays: {directory}"
+        ) from error
+    finally:
+        reporter.end()
+        reporter.close()
+    for warning in result.warnings:
+        click.echo(f"warning: {warning}", err=True)
+    t = result.timing
+    click.echo(
+        f"{t.steps} steps of {t.particles} particles in {progress.duration(t.stepping_s)}:"
+        f" {progress.quantity(t.rate)} particle-steps/s on {t.device}, {t.cores} cores, {t.precision}"
+    )
+    click.echo(directory / "run.pvd")
+    return 0
+
+
+def deck(path: Path) -> int:
+    """Print the deck."""
+    from reference.liggghts import deck as module
+
+    click.echo(module.render(Scene.from_toml(path)).text, nl=False)
+    return 0
+
+
+def validate(path: Path) -> int:
+    """Say what a valid scene amounts to. Raises SceneError for one that is not."""
+    scene = Scene.from_toml(path)
+    click.echo(f"{path}: valid\n")
+    rows = [(f"{name} [{unit}]" if unit else name, value) for name, value, unit in setup_table.rows([scene])]
+    needs = [name for name, wanted in scene.needs if wanted]
+    frames = scene.n_steps // scene.frame_stride + 1
+    rows += [("needs", ", ".join(needs) or "nothing but positions and velocities"), ("frames", str(frames))]
+    rows += [("scene hash", scene.hash[:16])]
+    width = max(len(name) for name, _ in rows)
+    for name, value in rows:
+        click.echo(f"  {name:{width}}  {value}")
+    for warning in warnings(scene):
+        click.echo(f"warning: {warning}", err=True)
+    return 0
+
+
+def warnings(scene: Scene) -> list[str]:
+    """What is allowed and still worth a second look."""
+    found = [f"check waived: {name}" for name in scene.allow]
+    speed = float(np.linalg.norm(scene.state.velocity, axis=1).max())
+    if not scene.needs.gravity and speed == 0:
+        found.append("no gravity and no start velocity: nothing will move unless particles overlap")
+    if scene.needs.gravity and not scene.walls and not scene.needs.periodic:
+        found.append("gravity and no wall: particles will leave the domain, which ends the run")
+    stated = scene.time.duration / scene.time.step
+    if abs(scene.n_steps - stated) > 0.5:
+        found.append(f"duration is rounded up to whole frames: {scene.n_steps * scene.time.step:g} s")
+    size = scene.n_steps // scene.frame_stride * len(scene.state) * 150
+    if size > 2e9:
+        found.append(f"frames will take about {size / 1e9:.1f} GB")
+    return found

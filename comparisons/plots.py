@@ -1,0 +1,244 @@
+"""One look for all figures: a colour and mark for each code, a size for each figure, the usual kinds.
+
+Colours from Okabe and Ito (2008), told apart by colour-blind readers; marks and line styles differ as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+INK, SOFT, GRID = "#1b2430", "#56616e", "#e6eaee"
+
+#: Who -> how it is drawn: gpudem blue line, LIGGGHTS orange rings, oracle thin black line, data diamonds.
+STYLES: dict[str, dict[str, Any]] = {
+    "gpudem": {"color": "#0072b2", "linestyle": "-", "linewidth": 1.8, "zorder": 3},
+    "liggghts": {
+        "color": "#d55e00",
+        "linestyle": "none",
+        "marker": "o",
+        "markersize": 4.5,
+        "markerfacecolor": "none",
+        "markeredgewidth": 1.2,
+        "zorder": 4,
+    },
+    "event_driven": {"color": "#009e73", "linestyle": "--", "linewidth": 1.5, "zorder": 2},
+    "oracle": {"color": "#000000", "linestyle": "-", "linewidth": 0.9, "zorder": 5},
+    "experiment": {
+        "color": "#777777",
+        "linestyle": "none",
+        "marker": "D",
+        "markersize": 4.5,
+        "markerfacecolor": "#bbbbbb",
+        "zorder": 6,
+    },
+}
+NAMES = {
+    "gpudem": "gpudem",
+    "liggghts": "LIGGGHTS",
+    "event_driven": "event-driven",
+    "oracle": "exact",
+    "experiment": "experiment",
+}
+#: For sweeps within one code.
+SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
+
+TOLERANCE = {"color": "#b3261e", "linewidth": 1.0, "linestyle": (0, (5, 3)), "zorder": 1}
+
+#: Width of a figure that shares a row of the report, and of one that takes it all [inch].
+HALF, WHOLE = 5.2, 9.6
+
+_LOOK = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 9.5,
+    "axes.titlesize": 10,
+    "axes.titleweight": "normal",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9.5,
+    "axes.edgecolor": SOFT,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": GRID,
+    "grid.linewidth": 0.7,
+    "axes.axisbelow": True,
+    "text.color": INK,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "figure.constrained_layout.use": True,
+    "image.interpolation": "none",
+    "axes.formatter.use_mathtext": True,
+    "axes.formatter.limits": (-3, 4),
+    "savefig.facecolor": "none",
+    "figure.dpi": 96,
+}
+
+
+def style(who: str, **changes: Any) -> dict[str, Any]:
+    """Drawing arguments of a code, "oracle" or "experiment", with its name as label."""
+    return {**STYLES.get(who, {}), "label": NAMES.get(who, who), **changes}
+
+
+def figure(
+    rows: int = 1, columns: int = 1, *, width: float = HALF, height: float = 3.2, **options: Any
+) -> tuple[Figure, Any]:
+    """(figure, axes) in the report's look; height [inch] of the whole. `width=WHOLE` takes a row alone.
+
+    `options` go to `plt.subplots`: sharex, height_ratios, squeeze, ...
+    """
+    import matplotlib as mpl
+    import matplotlib.pyplot as plt
+
+    plt.switch_backend("agg")
+    mpl.rcParams.update(_LOOK)
+    return plt.subplots(rows, columns, figsize=(width, height), **options)
+
+
+def legend(axes: Axes, **options: Any) -> None:
+    """A legend where something is labelled, each label once."""
+    handles = {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    if handles:
+        axes.legend(handles.values(), handles.keys(), **options)
+
+
+def overlay(
+    axes: Axes, x: Any, series: Mapping[str, Any], *, marks: int = 25, xlabel: str = "", ylabel: str = ""
+) -> None:
+    """Curves of several codes over one another: {"gpudem": y, "liggghts": (x, y), "oracle": y, ...}.
+
+    A series of its own grid comes as (x, y). Codes drawn by marks get at most `marks` of them, evenly spread.
+    """
+    for who, values in series.items():
+        xs, ys = values if isinstance(values, tuple) else (x, values)
+        look = style(who)
+        if "marker" in look and len(xs) > marks:
+            look["markevery"] = max(1, len(xs) // marks)
+        axes.plot(xs, ys, **look)
+    axes.set(xlabel=xlabel, ylabel=ylabel)
+    legend(axes)
+
+
+def overlay_difference(
+    x: Any,
+    series: Mapping[str, Any],
+    differences: Mapping[str, Any],
+    *,
+    xlabel: str,
+    ylabel: str,
+    difference_label: str = "|difference|",
+    tolerance: float | None = None,
+    floor: float = 1e-18,
+) -> Figure:
+    """Codes overlaid, and below them |difference| on a log axis with the tolerance as a dashed line.
+
+    `differences`: {"LIGGGHTS - gpudem": d, ...} on the grid x or as (x, d). Exact zeros are drawn at `floor`.
+    """
+    fig, (top, low) = figure(2, 1, height=4.4, sharex=True, height_ratios=(1.5, 1))
+    overlay(top, x, series, ylabel=ylabel)
+    for k, (label, values) in enumerate(differences.items()):
+        xs, ds = values if isinstance(values, tuple) else (x, values)
+        low.semilogy(
+            xs, np.maximum(np.abs(ds), floor), linewidth=1.1, color=SERIES[(1, 2, 3, 4)[k % 4]], label=label
+        )
+    if tolerance is not None:
+        low.axhline(tolerance, **TOLERANCE, label="tolerance")
+    low.set(xlabel=xlabel, ylabel=difference_label)
+    legend(low, loc="best", ncols=2)
+    return fig
+
+
+def observed_order(steps: Any, errors: Any) -> float:
+    """Slope of log(error) against log(step), least squares over all points."""
+    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+def convergence(
+    series: Mapping[str, tuple[Any, Any]],
+    *,
+    xlabel: str = "time step [s]",
+    ylabel: str,
+    order: float | None = None,
+) -> Figure:
+    """Error against step for each code, the observed order in the legend; beside it a slope."""
+    fig, axes = figure()
+    for who, (steps, errors) in series.items():
+        steps, errors = np.asarray(steps, float), np.asarray(errors, float)
+        look = style(who, marker="o" if who != "gpudem" else "s", markersize=4.5)
+        look["linestyle"] = "-" if who == "gpudem" else ":"
+        look["label"] += f", order {observed_order(steps, errors):.2f}"
+        axes.loglog(steps, errors, **look)
+    if order is not None:
+        steps, errors = (np.asarray(v, float) for v in next(iter(series.values())))
+        ends = np.array([steps.min(), steps.max()])
+        axes.loglog(
+            ends,
+            errors.max() * 0.4 * (ends / ends[1]) ** order,
+            color=SOFT,
+            linewidth=0.8,
+            label=f"order {order:g}",
+        )
+    axes.set(xlabel=xlabel, ylabel=ylabel)
+    legend(axes)
+    return fig
+
+
+def work_precision(
+    series: Mapping[str, tuple[Any, Any]], *, ylabel: str, xlabel: str = "stepping time [s]"
+) -> Figure:
+    """Error against stepping seconds, log-log: {"gpudem": (seconds, errors), "gpudem float32": ..., ...}.
+
+    The first word of a key is the code and gives the colour; others (precision, device) change the mark.
+    """
+    fig, axes = figure()
+    marks: dict[str, int] = {}
+    for key, (seconds, errors) in series.items():
+        who, _, rest = key.partition(" ")
+        nth = marks[who] = marks.get(who, -1) + 1
+        look = style(
+            who, marker="os^vD"[nth % 5], markersize=5, linewidth=1.2, linestyle=("-", "--", ":")[nth % 3]
+        )
+        look["label"] = f"{NAMES.get(who, who)} {rest}".strip()
+        order = np.argsort(seconds)
+        axes.loglog(np.asarray(seconds, float)[order], np.asarray(errors, float)[order], **look)
+    axes.set(xlabel=xlabel, ylabel=ylabel)
+    legend(axes)
+    return fig
+
+
+def band(axes: Axes, x: Any, samples: Any, who: str, *, label: str | None = None) -> None:
+    """Mean of several seeds and the range between the smallest and the largest: samples (seeds, len(x))."""
+    samples = np.asarray(samples, float)
+    color = STYLES[who]["color"]
+    axes.fill_between(x, samples.min(axis=0), samples.max(axis=0), color=color, alpha=0.18, linewidth=0)
+    dash = (0, (4, 2)) if who == "liggghts" else "-"
+    name = label or f"{NAMES[who]}, mean and range of {len(samples)}"
+    axes.plot(x, samples.mean(axis=0), color=color, linewidth=1.5, linestyle=dash, label=name)
+
+
+def points(axes: Axes, x: Any, y: Any, who: str, *, error: Any = None, **changes: Any) -> None:
+    """Measured points, with error bars where given."""
+    look = style(who, **changes)
+    if error is None:
+        axes.plot(x, y, **look)
+    else:
+        axes.errorbar(x, y, yerr=error, elinewidth=0.9, capsize=2, **look)
+
+
+def sweep(labels: Sequence[Any]) -> dict[Any, str]:
+    """A colour for each value of a sweep."""
+    return {label: SERIES[k % len(SERIES)] for k, label in enumerate(labels)}

@@ -1,0 +1,202 @@
+"""Pictures of piles: spheres in an outlined box, by pyvista off-screen, or flat circles where GL is missing.
+
+Off-screen rendering without a screen or a GPU needs the Debian packages libgl1, libegl1 and libgl1-mesa-dri.
+"""
+
+from __future__ import annotations
+
+import functools
+import io
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gpudem.frames import Frame
+from gpudem.scene import Scene
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Width [pixels] of one picture; enough for half a page at twice its density.
+WIDTH = 1100
+#: More spheres than this are drawn as shaded points instead of meshes.
+MESHES = 4000
+#: What stands under pictures that are circles because GL is missing.
+NO_GL = "flat view: no off-screen rendering here (Debian: libgl1 libegl1 libgl1-mesa-dri)"
+
+_PROBE = (
+    "import pyvista as v; p = v.Plotter(off_screen=True, window_size=(8, 8)); p.screenshot(return_img=True)"
+)
+
+
+@functools.cache
+def can_render() -> bool:
+    """Whether VTK renders off-screen here; asked in another process, for a broken GL stack kills its own."""
+    if os.environ.get("GPUDEM_NO_RENDER"):
+        return False
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", _PROBE], capture_output=True, timeout=120, env=_environment()
+        )
+    except subprocess.SubprocessError:
+        return False
+    return done.returncode == 0
+
+
+def backend() -> str:
+    """How pictures are made here, in words."""
+    return "pyvista, off-screen" if can_render() else f"matplotlib, {NO_GL}"
+
+
+def _environment() -> dict[str, str]:
+    """Without a screen VTK first tries X and complains; name EGL at once."""
+    if os.environ.get("DISPLAY") or not sys.platform.startswith("linux"):
+        return dict(os.environ)
+    return {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow", **os.environ}
+
+
+def picture(
+    scene: Scene,
+    frame: Frame,
+    *,
+    color: str = "speed",
+    limits: tuple[float, float] | None = None,
+    time: float = 0.0,
+) -> np.ndarray:
+    """A frame from the side and a little above, as an image (height, width, 3), uint8.
+
+    Args:
+        scene: Gives domain and walls.
+        frame: The particles.
+        color: "speed" [m/s], "id", or any scalar column of the frame.
+        limits: Range of the colours; default: the frame's own.
+        time: Physical time [s]: gates removed by then are not drawn.
+    """
+    import pyvista
+
+    os.environ.update(_environment())
+    lo, hi = np.array(scene.domain.lo), np.array(scene.domain.hi)
+    box = (*np.stack([lo, hi], axis=1).ravel(),)
+    plotter = pyvista.Plotter(off_screen=True, window_size=(WIDTH, _height(lo, hi)), lighting="light kit")
+    plotter.set_background("white")
+    cloud = pyvista.PolyData(np.ascontiguousarray(frame["position"]))
+    cloud["color"], radius = values(frame, color), frame["radius"]
+    look = {"scalars": "color", "cmap": "viridis", "clim": limits, "show_scalar_bar": False}
+    if len(radius) <= MESHES:
+        cloud["radius"] = radius
+        ball = pyvista.Sphere(radius=1.0, theta_resolution=16, phi_resolution=12)
+        mesh = cloud.glyph(scale="radius", geom=ball, orient=False)
+        plotter.add_mesh(mesh, smooth_shading=True, specular=0.2, **look)
+    else:
+        actor = plotter.add_mesh(
+            cloud, style="points_gaussian", emissive=False, render_points_as_spheres=True, **look
+        )
+        actor.mapper.scale_factor = float(np.mean(radius))
+    plotter.add_mesh(pyvista.Box(box), style="wireframe", color="#9aa4ae", line_width=1.5, lighting=False)
+    for plane in scene.planes:
+        if plane.removed_at is not None and time < plane.removed_at:
+            plotter.add_mesh(_gate(plane, lo, hi), color="#d55e00", opacity=0.35, lighting=False)
+    centre, size = (lo + hi) / 2, hi - lo
+    distance = 4 * max(size[0], size[2])
+    plotter.camera.parallel_projection = True
+    plotter.camera.focal_point, plotter.camera.up = centre, (0.0, 0.0, 1.0)
+    plotter.camera.position = centre + distance * np.array([-0.18, -1.0, 0.26])
+    plotter.reset_camera(bounds=box)
+    plotter.camera.zoom(1.25)
+    image = plotter.screenshot(None, return_img=True)
+    plotter.close()
+    return image[..., :3]
+
+
+def png(image: np.ndarray) -> bytes:
+    """An image as PNG with a palette of 256 colours."""
+    from PIL import Image
+
+    out = io.BytesIO()
+    Image.fromarray(image).quantize(256).save(out, "png", optimize=True)
+    return out.getvalue()
+
+
+def side_by_side(
+    views: Mapping[str, tuple[Scene, Frame]],
+    *,
+    color: str = "speed",
+    unit: str = "m/s",
+    limits: tuple[float, float] | None = None,
+    time: float = 0.0,
+) -> Figure:
+    """Piles beside one another, {"gpudem, 0.5 s": (scene, frame), ...}, one colour range for all."""
+    from comparisons import plots
+
+    if limits is None:
+        every = np.concatenate([values(frame, color) for _, frame in views.values()])
+        limits = (0.0 if color == "speed" else float(every.min()), float(np.quantile(every, 0.995)) or 1.0)
+    columns = min(2, len(views))
+    rows = -(-len(views) // columns)
+    scene, _ = next(iter(views.values()))
+    ratio = _height(np.array(scene.domain.lo), np.array(scene.domain.hi)) / WIDTH
+    height = rows * (plots.WHOLE / columns * ratio + 0.35) + 0.6
+    fig, axes = plots.figure(rows, columns, width=plots.WHOLE, height=height, squeeze=False)
+    for axis in axes.flat:
+        axis.axis("off")
+    for axis, (title, (scene, frame)) in zip(axes.flat, views.items(), strict=False):
+        axis.set_title(title)
+        if can_render():
+            axis.imshow(picture(scene, frame, color=color, limits=limits, time=time))
+        else:
+            _circles(axis, scene, frame, color, limits)
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    scale = ScalarMappable(Normalize(*limits), cmap="viridis")
+    bar = fig.colorbar(
+        scale, ax=axes, orientation="horizontal", shrink=0.35, aspect=45, pad=0.01, label=f"{color} [{unit}]"
+    )
+    bar.outline.set_visible(False)
+    if not can_render():
+        fig.supxlabel(NO_GL, fontsize=8, color=plots.SOFT)
+    return fig
+
+
+def values(frame: Frame, color: str) -> np.ndarray:
+    """The scalar of each particle that its colour shows."""
+    if color == "speed":
+        return np.linalg.norm(frame["velocity"], axis=1)
+    return np.asarray(frame[color], dtype=np.float64)
+
+
+def _circles(axis: Any, scene: Scene, frame: Frame, color: str, limits: tuple[float, float]) -> None:
+    """The pile from the side: circles, the nearer ones over the farther."""
+    from matplotlib.collections import EllipseCollection
+    from matplotlib.patches import Rectangle
+
+    order = np.argsort(-frame["position"][:, 1])
+    centres, size = frame["position"][order][:, [0, 2]], 2 * frame["radius"][order]
+    circles = EllipseCollection(
+        size, size, np.zeros(len(size)), units="xy", offsets=centres, transOffset=axis.transData,
+        array=values(frame, color)[order], cmap="viridis", clim=limits, linewidths=0,
+    )  # fmt: skip
+    circles.set_rasterized(True)
+    axis.add_collection(circles)
+    lo, hi = scene.domain.lo, scene.domain.hi
+    axis.add_patch(Rectangle((lo[0], lo[2]), hi[0] - lo[0], hi[2] - lo[2], fill=False, edgecolor="#9aa4ae"))
+    axis.set(xlim=(lo[0], hi[0]), ylim=(lo[2], hi[2]), aspect="equal")
+
+
+def _height(lo: np.ndarray, hi: np.ndarray) -> int:
+    """Pixels for a domain seen as `picture` sees it."""
+    size = hi - lo
+    return int(WIDTH * min(1.0, max(0.3, (size[2] + 0.25 * size[1]) / (size[0] + 0.18 * size[1]))))
+
+
+def _gate(plane: Any, lo: np.ndarray, hi: np.ndarray) -> Any:
+    import pyvista
+
+    axis = int(np.argmax(np.abs(plane.normal)))
+    span = np.stack([lo, hi], axis=1)
+    span[axis] = plane.point[axis]
+    return pyvista.Box((*span.ravel(),))
