@@ -11,7 +11,7 @@ import dataclasses
 import math
 import numbers
 import re
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
@@ -40,18 +40,16 @@ class Model(BaseModel):
         use_attribute_docstrings=True,
     )
 
-    if not TYPE_CHECKING:  # a type checker sees the fields as arguments instead
+    def __init__(self, /, **data: Any):
+        try:
+            super().__init__(**data)
+        except ValidationError as error:
+            from gpudem import scene_io
 
-        def __init__(self, /, **data: Any):
-            try:
-                super().__init__(**data)
-            except ValidationError as error:
-                from gpudem import scene_io
+            raise SceneError(type(self).__name__, scene_io.problems(error, type(self))) from None
 
-                raise SceneError(type(self).__name__, scene_io.problems(error, type(self))) from None
-
-        # Tells pydantic to build nested sections without this __init__, so that one error lists all problems.
-        __init__.__pydantic_base_init__ = True
+    # Tells pydantic to build nested sections without this __init__, so that one error lists all problems.
+    setattr(__init__, "__pydantic_base_init__", True)  # noqa: B010
 
 
 class _Plain:

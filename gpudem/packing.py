@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
-    from gpudem.scene import Explicit, Lattice
+    from gpudem.sections import Explicit, Lattice
 
 
 @dataclasses.dataclass(frozen=True)
