@@ -46,7 +46,12 @@ class Crew:
         """A call that runs `kernel(params, begin, *inputs, *outputs)` over all particles. Arguments are frozen."""
         launches = [
             wp.launch(
-                kernel, end - begin, inputs=[params, begin, *inputs], outputs=outputs, device=self.device, record_cmd=True
+                kernel,
+                end - begin,
+                inputs=[params, begin, *inputs],
+                outputs=outputs,
+                device=self.device,
+                record_cmd=True,
             )
             for begin, end in self.slices
         ]

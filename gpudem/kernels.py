@@ -59,10 +59,12 @@ def step_kernel(spec: Spec) -> Any:
     nearest = nearest_image(spec.periodic, spec.precision)
 
     @wp.func
-    def pair_contact(d: vec3, rsq: real, v_rel: vec3, wi: vec3, wj: vec3, ri: real, rj: real, mi: real, mj: real):
+    def pair_contact(
+        d: vec3, rsq: real, v_rel: vec3, wi: vec3, wj: vec3, ri: real, rj: real, mi: real, mj: real
+    ):
         r = wp.sqrt(rsq)
         c = Contact()
-        c.normal = d / r
+        c.normal = d * (real(1.0) / r)
         c.overlap = ri + rj - r
         c.normal_velocity = wp.dot(v_rel, c.normal)
         c.tangential_velocity = v_rel - c.normal_velocity * c.normal
@@ -181,7 +183,12 @@ def step_kernel(spec: Spec) -> Any:
             touched = wp.int32(0)
             if wp.static(spec.history):
                 touched = particles.wall_touch[i]
+            near = particles.wall_near[i]
             for k in range(params.planes):
+                if (near >> k) == 0:
+                    break
+                if near & (1 << k) == 0:
+                    continue
                 normal = walls.normal[k]
                 distance = plane_distance(x, normal, walls.offset[k])
                 if distance <= radius:
@@ -190,7 +197,9 @@ def step_kernel(spec: Spec) -> Any:
                     if wp.static(spec.history):
                         if touched & (1 << k):
                             spring = particles.wall_spring[k * params.n + i]
-                    f, tq, spring_new = law(c, walls.pairs[k * params.materials + material], spring, dt_spring)
+                    f, tq, spring_new = law(
+                        c, walls.pairs[k * params.materials + material], spring, dt_spring
+                    )
                     force += f
                     torque += tq
                     if wp.static(spec.history):
@@ -205,10 +214,13 @@ def step_kernel(spec: Spec) -> Any:
             force += mass * params.gravity
 
         # second half kick to the full step, first half kick and drift of the next
-        kick = real(0.5) * params.dt / mass
+        kick = params.kick
+        spin_kick = params.spin_kick
+        if wp.static(spec.several_masses):
+            kick = real(0.5) * params.dt / mass
+            spin_kick = real(0.5) * params.dt / (real(0.4) * radius * radius * mass)
         if not (mode & SETUP):
             v = v + kick * force
-        spin_kick = real(0.5) * params.dt / (real(0.4) * mass * radius * radius)
         if wp.static(spec.rotation):
             if not (mode & SETUP):
                 w = w + spin_kick * torque

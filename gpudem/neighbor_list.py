@@ -45,6 +45,7 @@ class NeighborList:
     def __init__(self, scene: Scene, state: State, params: Any, crew: Crew):
         self.state, self.params, self.crew, self.scene = state, params, crew, scene
         self.rebuilds = 0
+        self.walls: Any = state.types.Walls()
         spec, device, n, t = state.spec, state.device, state.n, state.types
         self.cells = math.prod(params.cells)
         self.key = wp.zeros(2 * n, dtype=wp.int32, device=device)
@@ -58,6 +59,7 @@ class NeighborList:
         self._moved_arrays = ["id"]
         self._moved_arrays += ["radius"] * spec.several_radii + ["mass"] * spec.several_masses
         self._moved_arrays += ["material"] * spec.several_materials
+        self._moved_arrays += ["wall_near"] * bool(state.planes)
         if spec.history and state.planes:
             self._moved_arrays += ["wall_touch", "wall_spring"]
         for name in self._moved_arrays:
@@ -90,6 +92,11 @@ class NeighborList:
         self._commands.clear()
         self.grew()
 
+    def set_walls(self, walls: Any) -> None:
+        """The planes to look for from now on; `rebuild` must follow."""
+        self.walls = walls
+        self._commands.clear()
+
     def rebuild(self, on_host: bool = True) -> None:
         """Sort, re-order, list. `on_host`: grow the list where needed and check at once (else: `check` later).
 
@@ -99,7 +106,11 @@ class NeighborList:
         self._run("cells")
         wp.utils.radix_sort_pairs(self.key, self.order, state.n, end_bit=max(1, self.cells.bit_length()))
         wp.launch(
-            cell_starts, self.cells + 1, inputs=[state.n, self.key], outputs=[self.cell_start], device=state.device
+            cell_starts,
+            self.cells + 1,
+            inputs=[state.n, self.key],
+            outputs=[self.cell_start],
+            device=state.device,
         )
         self._run("gather")
         for name in ("position", "velocity", *(("angular_velocity",) if state.spec.rotation else ())):
@@ -133,7 +144,7 @@ class NeighborList:
             listing = [now, p, self.key, self.cell_start, self.order, self.inverse]
             inputs, outputs = {
                 "cells": ([p, now], [self.key, self.order, self.status]),
-                "gather": ([self.order, now, p], [self.inverse, scratch, self.scratch]),
+                "gather": ([self.order, self.walls, now, p], [self.inverse, scratch, self.scratch]),
                 "count": ([*listing, self.count], [None, None]),
                 "fill": ([*listing, self.start], [self.neighbor, self.spring]),
             }[name]
@@ -146,7 +157,9 @@ class NeighborList:
         if code == OK:
             return
         if code == OVERFLOW:
-            raise SimulationError(f"neighbour list overflowed: {who} entries, room for {self.params.capacity}")
+            raise SimulationError(
+                f"neighbour list overflowed: {who} entries, room for {self.params.capacity}"
+            )
         domain = self.scene.domain
         what = {
             LOST: f"left the domain {domain.lo} .. {domain.hi} m",

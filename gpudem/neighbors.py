@@ -13,6 +13,7 @@ import warp as wp
 from gpudem.kernels import nearest_image
 from gpudem.spec import Spec
 from gpudem.state import structs
+from gpudem.walls import plane_distance
 
 #: What `status[0]` says; status[1] is the particle's row in the scene.
 OK, LOST, NOT_A_NUMBER, OVERFLOW = 0, 1, 2, 3
@@ -98,9 +99,9 @@ def cell_kernel(spec: Spec) -> Any:
 
 @functools.cache
 def gather_kernel(spec: Spec) -> Any:
-    """Copies the particle arrays into scratch arrays in the new order."""
+    """Copies the particle arrays into scratch arrays in the new order, and lists the planes near each particle."""
     t = structs(spec.precision)
-    Params, Motion, Particles = t.Params, t.Motion, t.Particles
+    Params, Motion, Particles, Walls = t.Params, t.Motion, t.Particles, t.Walls
     walls_with_history = spec.walls and spec.history
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -110,6 +111,7 @@ def gather_kernel(spec: Spec) -> Any:
         begin: wp.int32,
         # in
         order: wp.array[wp.int32],
+        walls: Walls,
         now: Motion,
         particles: Particles,
         # out
@@ -131,6 +133,15 @@ def gather_kernel(spec: Spec) -> Any:
             moved_particles.mass[i] = particles.mass[o]
         if wp.static(spec.several_materials):
             moved_particles.material[i] = particles.material[o]
+        if wp.static(spec.walls):
+            reach = params.radius
+            if wp.static(spec.several_radii):
+                reach = particles.radius[o]
+            near = wp.int32(0)
+            for k in range(params.planes):
+                if plane_distance(now.position[o], walls.normal[k], walls.offset[k]) < reach + params.skin:
+                    near = near | (1 << k)
+            moved_particles.wall_near[i] = near
         if wp.static(walls_with_history):
             touch = particles.wall_touch[o]
             moved_particles.wall_touch[i] = touch
@@ -186,6 +197,11 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
     px, py, pz = spec.periodic
     carry = fill and spec.history
 
+    @wp.func
+    def near(i: wp.int32, j: wp.int32, x: t.vec3, y: t.vec3, size: t.vec3, limit: t.real):
+        d = nearest(x - y, size)
+        return wp.dot(d, d) < limit * limit and j != i
+
     @wp.kernel(module="unique", enable_backward=False)
     def build(
         # params
@@ -219,26 +235,28 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
             first = start[i]
         for az in range(first_cell(cz, nz, wp.static(pz)), last_cell(cz, nz, wp.static(pz)) + 1):
             for ay in range(first_cell(cy, ny, wp.static(py)), last_cell(cy, ny, wp.static(py)) + 1):
-                for ax in range(first_cell(cx, nx, wp.static(px)), last_cell(cx, nx, wp.static(px)) + 1):
-                    bx, by, bz = ax, ay, az
+                row = ((az + nz) % nz * ny + (ay + ny) % ny) * nx
+                # cells along x lie side by side in the sorted order: one run, unless x wraps round
+                left = first_cell(cx, nx, wp.static(px))
+                right = last_cell(cx, nx, wp.static(px))
+                runs = wp.int32(1)
+                if wp.static(px):
+                    runs = right - left + 1
+                for run in range(runs):
+                    begin_cell = row + left
+                    end_cell = row + right + 1
                     if wp.static(px):
-                        bx = (ax + nx) % nx
-                    if wp.static(py):
-                        by = (ay + ny) % ny
-                    if wp.static(pz):
-                        bz = (az + nz) % nz
-                    cell = (bz * ny + by) * nx + bx
-                    for j in range(cell_start[cell], cell_start[cell + 1]):
-                        if j != i:
-                            d = nearest(x - now.position[j], params.size)
-                            limit = reach
-                            if wp.static(spec.several_radii):
-                                limit = reach + particles.radius[j]
-                            if wp.dot(d, d) < limit * limit:
-                                if wp.static(fill):
-                                    if first + count < params.capacity:
-                                        neighbor[first + count] = j
-                                count += 1
+                        begin_cell = row + (left + run + nx) % nx
+                        end_cell = begin_cell + 1
+                    for j in range(cell_start[begin_cell], cell_start[end_cell]):
+                        limit = reach
+                        if wp.static(spec.several_radii):
+                            limit = reach + particles.radius[j]
+                        if near(i, j, x, now.position[j], params.size, limit):
+                            if wp.static(fill):
+                                if first + count < params.capacity:
+                                    neighbor[first + count] = j
+                            count += 1
         if wp.static(not fill):
             start[i] = count
         if wp.static(carry):

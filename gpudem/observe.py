@@ -40,7 +40,10 @@ class Recorder:
         self.scene, self.mass = scene, masses(scene)
         output = scene.output
         self.frame_stride = scene.frame_stride if directory is not None else None
-        self.trace_stride, self.history_stride = scene.stride(output.trace_every), scene.stride(output.history_every)
+        self.trace_stride, self.history_stride = (
+            scene.stride(output.trace_every),
+            scene.stride(output.history_every),
+        )
         self.writer = None
         if directory is not None:
             try:

@@ -57,10 +57,15 @@ class Simulation:
         p = t.Params()
         cells, rate = cell_grid(scene)
         p.dt, p.gravity = scene.time.step, t.vec3(*scene.gravity)
-        p.lo, p.size = t.vec3(*scene.domain.lo), t.vec3(*(np.array(scene.domain.hi) - np.array(scene.domain.lo)))
+        p.lo, p.size = (
+            t.vec3(*scene.domain.lo),
+            t.vec3(*(np.array(scene.domain.hi) - np.array(scene.domain.lo))),
+        )
         p.cells, p.cell_rate = wp.vec3i(*cells), t.vec3(*rate)
         p.skin, p.move_limit = scene.skin, (scene.skin / 2) ** 2
         p.radius, p.mass = float(scene.state.radius.max()), float(masses(scene)[0])
+        p.kick = 0.5 * p.dt / p.mass
+        p.spin_kick = 0.5 * p.dt / (0.4 * p.radius * p.radius * p.mass)
         p.n, p.planes, p.materials = self.state.n, self.state.planes, len(scene.particle_materials)
         p.pair = pair_entries(self.state, scene, scene.particle_materials[:1])[0]
         return p
@@ -85,6 +90,7 @@ class Simulation:
             self._take_full_velocities()
         self.walls = wall_table(self.state, self.scene, self.scene.planes if planes is None else planes)
         self._commands.clear()
+        self.neighbors.set_walls(self.walls)
         self._rebuild()
         self._launch(SETUP | (WRITE if write else 0))
         self.state.swap()
@@ -116,7 +122,9 @@ class Simulation:
             self.neighbors.rebuild()
         except SimulationError as error:
             step = self.step_count + 1
-            raise SimulationError(f"{error} at t = {step * self.scene.time.step:.9g} s (step {step})") from None
+            raise SimulationError(
+                f"{error} at t = {step * self.scene.time.step:.9g} s (step {step})"
+            ) from None
 
     def _launch(self, mode: int) -> None:
         key = (id(self.state.now), mode)
@@ -174,9 +182,11 @@ class Simulation:
         """Bytes of every device array, by name."""
         own = {f"list.{k}": v for k, v in vars(self.neighbors).items() if isinstance(v, wp.array)}
         own |= {f"list.{k}": getattr(self.neighbors.scratch, k) for k in self.neighbors._moved_arrays}
-        return {name: array.size * wp.types.type_size_in_bytes(array.dtype) for name, array in (self.state.arrays() | own).items()}
+        return {
+            name: array.size * wp.types.type_size_in_bytes(array.dtype)
+            for name, array in (self.state.arrays() | own).items()
+        }
 
     def close(self) -> None:
         """End the threads."""
         self.crew.close()
-

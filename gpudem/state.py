@@ -35,6 +35,8 @@ def structs(precision: str) -> SimpleNamespace:
         move_limit: real  # (skin/2)^2 [m2]
         radius: real  # of equal spheres [m]
         mass: real  # of equal spheres of one material [kg]
+        kick: real  # dt/(2 m) of equal spheres [s/kg]
+        spin_kick: real  # dt/(2 I) of equal spheres [s/(kg m2)]
         pair: Pair  # of one material
         n: wp.int32
         materials: wp.int32
@@ -53,6 +55,7 @@ def structs(precision: str) -> SimpleNamespace:
         radius: wp.array[real]  # [m], (n,)
         mass: wp.array[real]  # [kg], (n,)
         material: wp.array[wp.int32]  # index into the scene's particle materials, (n,)
+        wall_near: wp.array[wp.int32]  # bit k: plane k within reach until the next rebuild, (n,)
         wall_touch: wp.array[wp.int32]  # bit k: plane k touched in the last step, (n,)
         wall_spring: wp.array[vec3]  # [m], (m n,), plane by plane
         built_at: wp.array[vec3]  # position at the last rebuild [m], (n,)
@@ -77,12 +80,19 @@ def structs(precision: str) -> SimpleNamespace:
         contacts: wp.array[wp.int32]  # particle contacts, (n,)
 
     return SimpleNamespace(
-        real=real, vec3=vec3, Pair=Pair, Params=Params, Motion=Motion, Particles=Particles, Walls=Walls, Full=Full
+        real=real,
+        vec3=vec3,
+        Pair=Pair,
+        Params=Params,
+        Motion=Motion,
+        Particles=Particles,
+        Walls=Walls,
+        Full=Full,
     )
 
 
 class State:
-    """All device arrays of one run. `now` and `next` are read and written in turn; `scratch` serves re-ordering."""
+    """All device arrays of one run. `now` and `next` are read and written in turn; `scratch` is for re-ordering."""
 
     def __init__(self, scene: Scene, spec: Spec, device: Any):
         self.types = t = structs(spec.precision)
@@ -106,8 +116,7 @@ class State:
 
         self.particles = p = t.Particles()
         p.id = wp.array(np.arange(n, dtype=np.int32), device=device)
-        local = np.array([scene.particle_materials.index(name) for name in scene.particle_materials])
-        index = {scene.material_index[name]: k for name, k in zip(scene.particle_materials, local, strict=True)}
+        index = {scene.material_index[name]: k for k, name in enumerate(scene.particle_materials)}
         material = np.array([index[m] for m in initial.material.tolist()], np.int32)
         mass = masses(scene)
         if spec.several_radii:
@@ -116,6 +125,8 @@ class State:
             p.mass = wp.array(mass, dtype=t.real, device=device)
         if spec.several_materials:
             p.material = wp.array(material, device=device)
+        if self.planes:
+            p.wall_near = wp.zeros(n, dtype=wp.int32, device=device)
         if spec.history and self.planes:
             p.wall_touch = wp.zeros(n, dtype=wp.int32, device=device)
             p.wall_spring = vectors(n * self.planes)

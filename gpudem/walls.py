@@ -1,4 +1,4 @@
-"""Walls: geometry of a contact with each kind, and their device table. A plane with `removed_at` is a gate."""
+"""Walls: geometry of a contact with each kind, and their device table; with `removed_at`, a gate."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Material pair -> the constants of the contact laws. NumPy in double precision; every equation with its source.
 
-    1/E* = (1 - nu_i^2)/E_i + (1 - nu_j^2)/E_j                                  (Hertz)
-    1/G* = 2 (2 - nu_i)(1 + nu_i)/E_i + 2 (2 - nu_j)(1 + nu_j)/E_j              (Mindlin)
-    beta = ln e / sqrt(ln^2 e + pi^2)                                           (Tsuji; Antypov & Elliott)
+1/E* = (1 - nu_i^2)/E_i + (1 - nu_j^2)/E_j                                  (Hertz)
+1/G* = 2 (2 - nu_i)(1 + nu_i)/E_i + 2 (2 - nu_j)(1 + nu_j)/E_j              (Mindlin)
+beta = ln e / sqrt(ln^2 e + pi^2)                                           (Tsuji; Antypov & Elliott)
 """
 
 from __future__ import annotations
@@ -50,7 +50,9 @@ def _hertz(a: Material, b: Material, pair: Pair, scene: Scene) -> tuple[float, f
 
 def _hertz_stiffness(a: Material, b: Material, pair: Pair, scene: Scene) -> tuple[float, float, float, float]:
     """The constants as stated: kn, kt [N/m2], gamma_n, gamma_t [1/(m s)]."""
-    assert pair.kn is not None and pair.kt is not None and pair.gamma_n is not None and pair.gamma_t is not None
+    assert (
+        pair.kn is not None and pair.kt is not None and pair.gamma_n is not None and pair.gamma_t is not None
+    )
     return pair.kn, pair.kt, pair.gamma_n, pair.gamma_t
 
 

@@ -18,15 +18,12 @@ def history(c: Any, p: Any, kt: Any, ct: Any, fn: Any, spring: Any, dt: Any):
     """
     s = spring + dt * c.tangential_velocity
     s = s - wp.dot(s, c.normal) * c.normal
-    force = -kt * s
-    trial = kt * wp.length(s)
     limit = p.friction * wp.abs(fn)
-    if trial > limit:
-        force = (limit / trial) * force
-        s = -force / kt
-    else:
-        force = force - ct * c.tangential_velocity
-    return force, s
+    trial_squared = kt * kt * wp.dot(s, s)
+    if trial_squared > limit * limit:
+        s = (limit / wp.sqrt(trial_squared)) * s
+        return -kt * s, s
+    return -kt * s - ct * c.tangential_velocity, s
 
 
 @wp.func
