@@ -133,6 +133,8 @@ def compare(
         f"{n['pass']} pass, {n['fail']} fail, {n['error']} error, {n['left_out']} left out"
         f" in {progress.duration(result.wall_s)}\n{directory / 'report.html'}"
     )
+    for line in result.broken():
+        click.echo(f"error: {line}", err=True)
     if result.state == "interrupted":
         click.echo("interrupted: what was done so far is in the report", err=True)
     return result.exit_code()

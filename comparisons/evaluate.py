@@ -77,12 +77,14 @@ class Evaluation:
 
     def figure(self, figure: Figure, root: Path, number: int) -> Artefact:
         """Draw one figure into <case>/figures/."""
-        from comparisons import svg
+        from comparisons import plots, svg
 
         def write(stem: str) -> str:
             path = root / self.case.name / "figures" / f"{stem}.svg"
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(svg.of(figure.draw(self._results(figure.needs)), f"{self.case.name}-{stem}"))
+            with plots.look():
+                drawn = figure.draw(self._results(figure.needs))
+                path.write_text(svg.of(drawn, f"{self.case.name}-{stem}"))
             return str(path.relative_to(root))
 
         return self._artefact("figure", figure, number, write)

@@ -119,7 +119,7 @@ class Session:
         result.artefacts[:] = [evaluation.figure(f, self.directory, k) for k, f in enumerate(figures, 1)]
         result.artefacts.extend(evaluation.table(t, self.directory, k) for k, t in enumerate(tables, 1))
         self._replace(dataclasses.replace(result, wall_s=time.monotonic() - began))
-        self._say(checks, time.monotonic() - began)
+        self._say(result, checks, time.monotonic() - began)
         self.write()
         return checks
 
@@ -199,9 +199,15 @@ class Session:
         cases = self.comparison.cases
         cases[[c.name for c in cases].index(result.name)] = result
 
-    def _say(self, checks: list[CheckResult], seconds: float) -> None:
+    def _say(self, result: CaseResult, checks: list[CheckResult], seconds: float) -> None:
         held = sum(c.status == "pass" for c in checks)
         self.reporter.say(f"  {held} of {len(checks)} checks hold, {duration(seconds)}")
+        if result.status == "error":
+            self.reporter.say(f"  ERROR {result.why}")
+            return
+        for item in result.artefacts:
+            if item.status == "error":
+                self.reporter.say(f"  ERROR {item.kind} {item.title!r}: {item.why}")
         for check in checks:
             if check.status in ("fail", "error"):
                 what = check.why or f"{check.value:.4g} {check.unit}, allowed {check.tolerance:.4g}"

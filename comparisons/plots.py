@@ -5,7 +5,8 @@ Colours from Okabe and Ito (2008), told apart by colour-blind readers; marks and
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -89,6 +90,17 @@ _LOOK = {
 }
 
 
+@contextlib.contextmanager
+def look() -> Iterator[None]:
+    """The report's fonts, lines and colours, for figures made inside."""
+    import matplotlib as mpl
+    import matplotlib.pyplot as plt
+
+    plt.switch_backend("agg")
+    with mpl.rc_context({**_LOOK, "axes.prop_cycle": mpl.cycler(color=SERIES)}):
+        yield
+
+
 def style(who: str, **changes: Any) -> dict[str, Any]:
     """Drawing arguments of a code, "oracle" or "experiment", with its name as label."""
     return {**STYLES.get(who, {}), "label": NAMES.get(who, who), **changes}
@@ -101,12 +113,10 @@ def figure(
 
     `options` go to `plt.subplots`: sharex, height_ratios, squeeze, ...
     """
-    import matplotlib as mpl
     import matplotlib.pyplot as plt
 
-    plt.switch_backend("agg")
-    mpl.rcParams.update(_LOOK)
-    return plt.subplots(rows, columns, figsize=(width, height), **options)
+    with look():
+        return plt.subplots(rows, columns, figsize=(width, height), **options)
 
 
 def legend(axes: Axes, **options: Any) -> None:
@@ -151,15 +161,19 @@ def overlay_difference(
     fig, (top, low) = figure(2, 1, height=4.4, sharex=True, height_ratios=(1.5, 1))
     overlay(top, x, series, ylabel=ylabel)
     for k, (label, values) in enumerate(differences.items()):
+        color = _code_color(label) or SERIES[(2, 3, 4, 5)[k % 4]]
         xs, ds = values if isinstance(values, tuple) else (x, values)
-        low.semilogy(
-            xs, np.maximum(np.abs(ds), floor), linewidth=1.1, color=SERIES[(1, 2, 3, 4)[k % 4]], label=label
-        )
+        low.semilogy(xs, np.maximum(np.abs(ds), floor), linewidth=1.1, color=color, label=label)
     if tolerance is not None:
         low.axhline(tolerance, **TOLERANCE, label="tolerance")
     low.set(xlabel=xlabel, ylabel=difference_label)
     legend(low, loc="best", ncols=2)
     return fig
+
+
+def _code_color(label: str) -> str | None:
+    """The colour of the code that a label starts with."""
+    return next((STYLES[who]["color"] for who, name in NAMES.items() if label.startswith((who, name))), None)
 
 
 def observed_order(steps: Any, errors: Any) -> float:

@@ -10,6 +10,7 @@ import jinja2
 from markupsafe import Markup
 
 from comparisons import codes, report_view
+from comparisons.numbers import number
 from comparisons.progress import duration, quantity
 from comparisons.results import Artefact, Comparison, write_atomically
 
@@ -64,7 +65,7 @@ def _environment() -> jinja2.Environment:
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     environment.filters |= {
-        "num": report_view.number, "quantity": quantity, "duration": duration, "code": codes.title,
-        "memory": report_view.memory, "slug": report_view.anchor,
+        "num": number, "short": lambda x: number(x, 2), "quantity": quantity, "duration": duration,
+        "code": codes.title, "memory": report_view.memory, "slug": report_view.anchor,
     }  # fmt: skip
     return environment

@@ -10,6 +10,7 @@ import re
 from pathlib import Path
 
 from comparisons import codes
+from comparisons.numbers import DASH, MINUS, number
 from comparisons.results import CaseResult, CheckResult, Comparison, RunResult, TimingResult
 
 #: The ratio axis: value / tolerance from 10^LOW to 10^HIGH.
@@ -22,9 +23,6 @@ MARKS = {
     "X": "the other code, from the same numbers",
     "R": "stored earlier result of this code",
 }
-
-#: Typographic signs.
-DASH, MINUS = "\u2013", "\u2212"
 
 WORDS = {"pass": "PASS", "fail": "FAIL", "error": "ERROR", "left_out": "LEFT OUT"}
 
@@ -94,7 +92,8 @@ class View:
             if run.status == "ok":
                 found.setdefault((run.code, run.version), set()).add(run.recorded)
         note = {frozenset({True}): " (recorded)", frozenset({True, False}): " (partly recorded)"}
-        return [f"{codes.title(c)} {v}{note.get(frozenset(r), '')}" for (c, v), r in sorted(found.items())]
+        name = {(c, v): v if v.startswith(codes.title(c)) else f"{codes.title(c)} {v}" for c, v in found}
+        return [f"{name[key]}{note.get(frozenset(r), '')}" for key, r in sorted(found.items())]
 
     @functools.cached_property
     def devices(self) -> list[str]:
@@ -191,22 +190,6 @@ class View:
         if "fail" in statuses:
             return "fail"
         return "pass" if "pass" in statuses else "left_out"
-
-
-def number(x: float | None) -> str:
-    """A number for a reader: four digits, powers of ten as such; a dash for none."""
-    if x is None:
-        return DASH
-    if math.isnan(x):
-        return "NaN"
-    if math.isinf(x):
-        return "∞" if x > 0 else MINUS + "∞"
-    text = f"{x:.4g}"
-    if "e" in text:
-        digits, exponent = text.split("e")
-        power = "".join("⁰¹²³⁴⁵⁶⁷⁸⁹"[int(d)] if d.isdigit() else "⁻" for d in str(int(exponent)))
-        return f"10{power}" if digits == "1" else f"{digits}·10{power}".replace("-", MINUS)
-    return text.replace("-", MINUS)
 
 
 def memory(n: float) -> str:

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from comparisons.numbers import number
 from gpudem.scene import Scene
 from gpudem.scene_checks import hertz_time, rayleigh_time
 
@@ -22,28 +23,26 @@ def rows(scenes: list[Scene]) -> list[Row]:
     return [(name, _merge([t[name, unit] for t in tables if (name, unit) in t]), unit) for name, unit in keys]
 
 
-def essentials(scene: Scene) -> dict[tuple[str, str], str]:
+def essentials(scene: Scene) -> dict[tuple[str, str], float | str]:
     """(quantity, unit) -> value of one scene: primary inputs as stated, and what they mean for the step."""
     state, dt = scene.state, scene.time.step
-    table: dict[tuple[str, str], str] = {("particles", ""): f"{len(state):,}".replace(",", " ")}
+    table: dict[tuple[str, str], float | str] = {("particles", ""): len(state)}
     table["radius", "m"] = _span(state.radius)
     if state.velocity.any():
         table["start speed", "m/s"] = _span(np.linalg.norm(state.velocity, axis=1))
     if state.angular_velocity.any():
         table["start spin", "rad/s"] = _span(np.linalg.norm(state.angular_velocity, axis=1))
-    for name, m in scene.materials.items():
-        table[f"{name}: Young's modulus", "Pa"] = f"{m.young:.6g}"
-        table[f"{name}: Poisson's ratio", ""] = f"{m.poisson:.6g}"
-        table[f"{name}: density", "kg/m³"] = f"{m.density:.6g}"
-    for pair in scene.contact_pairs:
-        name = " / ".join(dict.fromkeys(pair.materials))
-        if len(set(pair.materials)) == 1:
-            name += f" / {name}"
-        table[f"{name}: restitution", ""] = f"{pair.restitution:g}"
-        if scene.needs.tangential:
-            table[f"{name}: friction", ""] = f"{pair.friction:g}"
-        if scene.needs.rolling:
-            table[f"{name}: rolling friction", ""] = f"{pair.rolling_friction:g}"
+    for (young, poisson, density), names in _materials(scene).items():
+        table[f"material {', '.join(names)}", ""] = (
+            f"Young's modulus {number(young)} Pa, Poisson's ratio {poisson:g},"
+            f" density {number(density)} kg/m\u00b3"
+        )
+    if scene.contact_pairs:
+        table["restitution", ""] = _pairs(scene, "restitution")
+    if scene.needs.tangential:
+        table["friction", ""] = _pairs(scene, "friction")
+    if scene.needs.rolling:
+        table["rolling friction", ""] = _pairs(scene, "rolling_friction")
     c = scene.contact
     extras = ["limit_force"] * c.limit_force + ["no tangential damping"] * (not c.tangential_damping)
     slots = f"normal {c.normal}, tangential {c.tangential}, rolling {c.rolling}"
@@ -57,31 +56,57 @@ def essentials(scene: Scene) -> dict[tuple[str, str], str]:
     table["domain", "m"] = " \u00d7 ".join(f"{s:.4g}" for s in size)
     if scene.needs.periodic:
         table["periodic", ""] = ", ".join("xyz"[k] for k in range(3) if scene.domain.periodic[k])
-    table["time step", "s"] = f"{dt:.4g}"
-    table["time step / Rayleigh time", ""] = f"{dt / rayleigh_time(scene):.3g}"
+    table["time step", "s"] = dt
+    table["time step / Rayleigh time", ""] = round(dt / rayleigh_time(scene), 5)
     hertz = hertz_time(scene)
     if math.isfinite(hertz):
-        table["time step / Hertz contact time", ""] = f"{dt / hertz:.3g}"
-    table["duration", "s"] = f"{scene.n_steps * dt:.4g}"
-    table["steps", ""] = f"{scene.n_steps:,}".replace(",", " ")
+        table["time step / Hertz contact time", ""] = round(dt / hertz, 5)
+    table["duration", "s"] = scene.n_steps * dt
+    table["steps", ""] = scene.n_steps
     table["precision", ""] = scene.solver.precision
     return table
+
+
+def _materials(scene: Scene) -> dict[tuple[float, float, float], list[str]]:
+    """(young, poisson, density) -> names of the materials that have them."""
+    found: dict[tuple[float, float, float], list[str]] = {}
+    for name, m in scene.materials.items():
+        found.setdefault((m.young, m.poisson, m.density), []).append(name)
+    return found
+
+
+def _pairs(scene: Scene, name: str) -> float | str:
+    """A property of all pairs that can meet: one value, or each value with its pairs, the commonest last."""
+    found: dict[float, list[str]] = {}
+    for pair in scene.contact_pairs:
+        found.setdefault(getattr(pair, name), []).append(" / ".join(pair.materials))
+    if len(found) == 1:
+        return next(iter(found))
+    groups = sorted(found.items(), key=lambda item: len(item[1]))
+    shown = [f"{value:g} ({', '.join(pairs)})" for value, pairs in groups[:-1]]
+    value, pairs = groups[-1]
+    return ", ".join([*shown, f"{value:g} ({pairs[0]})" if len(pairs) == 1 else f"{value:g} (other pairs)"])
 
 
 def _span(values: np.ndarray) -> str:
     lo, hi = float(values.min()), float(values.max())
     different = np.unique(values)
     if len(different) <= 3:
-        return ", ".join(f"{v:.4g}" for v in different)
-    return f"{lo:.4g} to {hi:.4g}"
+        return ", ".join(number(v) for v in different)
+    return f"{number(lo)} to {number(hi)}"
 
 
-def _merge(values: list[str]) -> str:
+def _merge(values: list[float | str]) -> str:
     different = list(dict.fromkeys(values))
+    numbers = sorted(v for v in different if isinstance(v, int | float))
     if len(different) <= LISTED:
-        return "; ".join(different)
-    try:
-        numbers = sorted(float(v.replace(" ", "")) for v in different)
-        return f"{numbers[0]:.4g} to {numbers[-1]:.4g} ({len(numbers)} values)"
-    except ValueError:
-        return f"{different[0]}; ... ({len(different)} different)"
+        return "; ".join(_text(v) for v in different)
+    if len(numbers) == len(different):
+        return f"{_text(numbers[0])} to {_text(numbers[-1])} ({len(numbers)} values)"
+    return f"{_text(different[0])}; ... ({len(different)} different)"
+
+
+def _text(value: float | str) -> str:
+    if isinstance(value, int):
+        return f"{value:,}".replace(",", " ")
+    return value if isinstance(value, str) else number(value)

@@ -26,7 +26,14 @@ def of(figure: Figure, prefix: str) -> str:
     _rasterise_dense(figure)
     text = io.StringIO()
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": prefix, "path.simplify": True}):
-        figure.savefig(text, format="svg", dpi=DPI, metadata={"Date": None, "Creator": None})
+        figure.savefig(
+            text,
+            format="svg",
+            dpi=DPI,
+            bbox_inches="tight",
+            pad_inches=0.03,
+            metadata={"Date": None, "Creator": None},
+        )
     plt.close(figure)
     return clean(text.getvalue(), re.sub(r"[^A-Za-z0-9]+", "-", prefix))
 
