@@ -10,7 +10,7 @@ from gpudem.run import Run, Timing
 from gpudem.scene import Scene
 from reference.liggghts import binary as program
 from reference.liggghts import dump, recorded
-from reference.liggghts.deck import RAW, render
+from reference.liggghts.deck import RAW, TRACE, render
 from reference.liggghts.errors import LiggghtsFailed, LiggghtsNotFound
 from reference.liggghts.runner import execute
 
@@ -19,19 +19,22 @@ def run(
     scene: Scene, directory: Path, *, ranks: int = 1, timeout: float | None = None,
     progress: Callable[[int], None] | None = None, use_recorded: bool = True,
 ) -> Run:  # fmt: skip
-    """Run a scene in LIGGGHTS; deck.in, particles.data and log.liggghts stay in the directory beside the result.
+    """Run a scene in LIGGGHTS; deck.in, particles.data and log.liggghts stay beside the result.
 
     Args:
+        scene: What to run.
+        directory: Where to; made if missing, what an earlier run left in it is removed.
         ranks: MPI processes.
         timeout: Wall-clock limit [s].
         progress: Called with the number of steps done.
-        use_recorded: Where the binary is missing, take output recorded for exactly this deck, if there is any; the
-            run's warnings and notes then say so.
+        use_recorded: Where the binary is missing, take output recorded for exactly this deck, if there is
+            any; the run's warnings and notes then say so.
 
     Raises:
         LiggghtsCannotState: LIGGGHTS has no words for something in the scene.
         LiggghtsNotFound: no binary and nothing recorded; says how to install it.
-        LiggghtsFailed, LiggghtsTimeout: the run did not reach its end.
+        LiggghtsFailed: the run did not reach its end with all particles.
+        LiggghtsTimeout: it did not end in time.
         LiggghtsOutputError: a dump is missing or broken.
     """
     directory = Path(directory)
@@ -48,13 +51,12 @@ def run(
     _clear(directory)
     outcome = execute(deck, directory, binary, ranks=ranks, timeout=timeout, progress=progress)
     console = outcome.console
-    traced = (
-        dump.trace(scene, directory / RAW / "trace.txt") if scene.output.trace_every is not None else None
-    )
+    traced = dump.trace(scene, directory / TRACE) if scene.output.trace_every is not None else None
     history = dump.history(scene, console.blocks)
     dump.frames(scene, directory)
     timing = Timing(
-        particles=len(scene.state), steps=scene.n_steps, stepping_s=max(0.0, outcome.loop_s - console.output_s),
+        particles=len(scene.state), steps=scene.n_steps,
+        stepping_s=max(0.0, outcome.loop_s - console.output_s),
         setup_s=outcome.wall_s - outcome.loop_s, output_s=console.output_s, cores=ranks,
         peak_memory_bytes=outcome.peak_memory_bytes,
     )  # fmt: skip

@@ -30,9 +30,14 @@ def find_liggghts() -> str:
 @functools.cache
 def version(binary: str) -> str:
     """Name and version from the banner, e.g. `LIGGGHTS-PUBLIC 3.8.0`; empty if it prints none."""
-    # -h prints the banner and ends with status 1
+    # -h prints the banner and ends with status 1; without "-log none" it leaves a log file where it stands
     out = subprocess.run(
-        [binary, "-h"], stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", timeout=60
+        [binary, "-log", "none", "-h"],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        timeout=60,
     )
     match = BANNER.search(out.stdout)
     return match[1] if match else ""

@@ -1,4 +1,4 @@
-"""What LIGGGHTS prints, understood line by line: thermo rows, errors, warnings, times, where in the deck it is."""
+"""What LIGGGHTS prints, line by line: thermo rows, errors, warnings, times, where in the deck it is."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class Console:
     on_step: Callable[[int], None]
     """Called with the step of each thermo row."""
     version: str = ""
-    blocks: list[list[list[str]]] = dataclasses.field(default_factory=list)
-    """Thermo rows of each `run`, as text."""
+    blocks: list[list[str]] = dataclasses.field(default_factory=list)
+    """Thermo rows of each `run`, as printed."""
     errors: list[str] = dataclasses.field(default_factory=list)
     warnings: list[str] = dataclasses.field(default_factory=list)
     loops: list[tuple[float, int, int]] = dataclasses.field(default_factory=list)
@@ -44,11 +44,12 @@ class Console:
     @property
     def step(self) -> int:
         """Last step printed."""
-        return next((int(b[-1][0]) for b in reversed(self.blocks) if b), 0)
+        return next((int(b[-1].split()[0]) for b in reversed(self.blocks) if b), 0)
 
     def feed(self, line: str) -> None:
         """Take in one line."""
-        if self._warning is not None and self._continue_warning(line):
+        if self._warning is not None:
+            self._continue_warning(self._warning, line)
             return
         if self._in_rows and self._row(line):
             return
@@ -75,10 +76,10 @@ class Console:
             self.counts[key] = self.counts.get(key, 0) + int(line.partition("=")[2])
 
     def _row(self, line: str) -> bool:
-        words = line.split()
+        words = line.split(maxsplit=1)
         if not words or not words[0].isdigit():
             return False
-        self.blocks[-1].append(words)
+        self.blocks[-1].append(line)
         if self.nan_step is None and ("nan" in line or "inf" in line):
             self.nan_step = int(words[0])
         self.on_step(int(words[0]))
@@ -100,13 +101,12 @@ class Console:
         else:  # the text follows on lines of its own, up to a blank one
             self._warning = []
 
-    def _continue_warning(self, line: str) -> bool:
+    def _continue_warning(self, text: list[str], line: str) -> None:
         if line.strip():
-            self._warning.append(line.strip())
-            return True
-        self._add_warning(" ".join(self._warning))
-        self._warning = None
-        return True
+            text.append(line.strip())
+        else:
+            self._add_warning(" ".join(text))
+            self._warning = None
 
     def _add_warning(self, text: str) -> None:
         if text not in self.warnings:

@@ -1,8 +1,8 @@
 """Scene -> LIGGGHTS input: a deck (commands) and a data file (particles), the same text for the same physics.
 
-Nothing of a scene reaches the deck but numbers, axis letters and wall names (letters, digits, underscore): a deck can
-run shell commands, so titles and other free text never enter it. Each section is one template in `templates/`, and
-is rendered only where `scene.needs` asks for it.
+Nothing of a scene reaches the deck but numbers, axis letters and wall names (letters, digits, underscore):
+a deck can run shell commands, so titles and other free text never enter it. Each section is one template in
+`templates/`, and is rendered only where `scene.needs` asks for it.
 """
 
 from __future__ import annotations
@@ -11,17 +11,18 @@ import dataclasses
 import functools
 import hashlib
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import jinja2
 
-from gpudem.scene import Pair, Plane, Scene
+from gpudem.scene import Plane, Scene
 from reference.liggghts import limits
+from reference.liggghts.contact_model import model, properties, switches
 from reference.liggghts.decomposition import processors
 
 DECK, DATA, LOG, RAW = "deck.in", "particles.data", "log.liggghts", "raw"
-"""File names in the run directory; RAW is the folder of unconverted dumps."""
+"""Names in the run directory; RAW is the folder of unconverted dumps."""
+TRACE = f"{RAW}/trace.bin"
 
 #: About so many progress lines per run, whatever the history interval.
 PROGRESS_LINES = 100
@@ -58,11 +59,16 @@ class Deck:
 
 
 def render(scene: Scene, ranks: int = 1) -> Deck:
-    """The deck of a scene for a number of MPI ranks. Raises LiggghtsCannotState naming the item of the scene."""
+    """The deck of a scene for a number of MPI ranks.
+
+    Raises:
+        LiggghtsCannotState: naming every item of the scene that LIGGGHTS has no words for.
+    """
     limits.check(scene)
     segments = tuple(Segment(a, b, tuple(p.name for p in planes)) for a, b, planes in scene.segments)
     facts = {
-        "scene": scene, "needs": scene.needs, "segments": segments, "planes": [_plane(scene, p) for p in scene.planes],
+        "scene": scene, "needs": scene.needs, "segments": segments,
+        "planes": [_plane(scene, p) for p in scene.planes],
         "boundary": " ".join("p" if p else "f" for p in scene.domain.periodic),
         "soft": any(m.young < SOFT for m in scene.materials.values()),
         "properties": properties(scene), "model": model(scene), "switches": switches(scene),
@@ -70,7 +76,7 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "gravity": math.sqrt(math.fsum(c * c for c in scene.gravity)),
         "thermo_stride": thermo_stride(scene), "frame_stride": scene.frame_stride,
         "trace_stride": scene.stride(scene.output.trace_every),
-        "data_file": DATA, "raw": RAW,
+        "data_file": DATA, "raw": RAW, "trace_file": TRACE,
     }  # fmt: skip
     sections = [
         "header",
@@ -119,69 +125,11 @@ def thermo_stride(scene: Scene) -> int:
     return max(d for d in range(1, min(stride, wanted) + 1) if stride % d == 0)
 
 
-def model(scene: Scene) -> str:
-    """The words between `pair_style gran model` and the switches; walls get the same.
-
-    Without friction there is no tangential model at all: with `history` and mu = 0 the set-up step of LIGGGHTS still
-    applies the tangential dashpot.
-    """
-    words = [scene.contact.normal]
-    if scene.needs.tangential:
-        words += ["tangential", scene.contact.tangential]
-    if scene.needs.rolling:
-        words += ["rolling_friction", scene.contact.rolling]
-    return " ".join(words)
-
-
-def switches(scene: Scene) -> str:
-    """Settings of the contact model; on a wall they must come after the `primitive` words."""
-    words = ["limitForce on"] if scene.contact.limit_force else []
-    if scene.needs.tangential and not scene.contact.tangential_damping:
-        words.append("tangential_damping off")
-    return " ".join(words)
-
-
-def properties(scene: Scene) -> list[tuple[str, str]]:
-    """(name, values) of every `fix property/global` that the contact model reads; one type per material, in order."""
-    kinds = len(scene.materials)
-    found: list[tuple[str, str]] = []
-
-    def per_type(name: str, value: Callable[..., float]) -> None:
-        found.append((name, f"peratomtype {' '.join(repr(value(m)) for m in scene.materials.values())}"))
-
-    def per_pair(name: str, value: Callable[[Pair], float], filler: float) -> None:
-        rows = [_pair_value(scene, a, b, value, filler) for a in scene.materials for b in scene.materials]
-        found.append((name, f"peratomtypepair {kinds} {' '.join(repr(v) for v in rows)}"))
-
-    if scene.contact.normal == "hertz/stiffness":
-        per_pair("kn", lambda p: p.kn or 0.0, 0.0)
-        per_pair("kt", lambda p: p.kt or 0.0, 0.0)
-        per_pair("gamman", lambda p: p.gamma_n or 0.0, 0.0)
-        per_pair("gammat", lambda p: p.gamma_t or 0.0, 0.0)
-    else:
-        per_type("youngsModulus", lambda m: m.young)
-        per_type("poissonsRatio", lambda m: m.poisson)
-        per_pair("coefficientRestitution", lambda p: p.restitution, 1.0)
-    if scene.contact.normal == "hooke":
-        found.append(("characteristicVelocity", f"scalar {scene.contact.characteristic_velocity!r}"))
-    if scene.needs.tangential:
-        per_pair("coefficientFriction", lambda p: p.friction, 0.0)
-    if scene.needs.rolling:
-        per_pair("coefficientRollingFriction", lambda p: p.rolling_friction, 0.0)
-    return found
-
-
-def _pair_value(scene: Scene, a: str, b: str, value: Callable[[Pair], float], filler: float) -> float:
-    """LIGGGHTS wants a complete symmetric matrix; pairs that cannot meet (wall with wall) get the `filler`.
-
-    The filler is the value without effect: restitution 1 (no damping; 0 is refused), friction and stiffness 0.
-    """
-    pair = scene.pair(a, b)
-    return value(pair) if pair is not None and pair in scene.contact_pairs else filler
-
-
 def _plane(scene: Scene, plane: Plane) -> dict[str, object]:
-    """A plane across an axis in LIGGGHTS' words; LIGGGHTS' planes act on both sides, so the facing is only for counting."""
+    """A plane across an axis in LIGGGHTS' words.
+
+    LIGGGHTS' planes act on both sides: the facing is only for counting contacts.
+    """
     k = next(k for k in range(3) if plane.normal[k] != 0)
     return {
         "name": plane.name,
@@ -193,7 +141,8 @@ def _plane(scene: Scene, plane: Plane) -> dict[str, object]:
 
 
 def box(scene: Scene) -> list[tuple[float, float]]:
-    """(lo, hi) [m] of the simulation box along x, y, z: the domain where periodic, else a tenth of a radius larger.
+    """(lo, hi) [m] of the simulation box along x, y, z: the domain where periodic, else a tenth of a radius
+    larger.
 
     LIGGGHTS takes an atom on the upper face of a fixed box for one outside; the margin keeps it in.
     """
@@ -205,7 +154,7 @@ def box(scene: Scene) -> list[tuple[float, float]]:
 
 
 def data(scene: Scene) -> str:
-    """The read_data file: box, then `id type diameter density x y z`, then `id vx vy vz wx wy wz`; SI units."""
+    """The read_data file: box, `id type diameter density x y z`, `id vx vy vz wx wy wz`; SI units."""
     s = scene.state
     density = [scene.materials[name].density for name in scene.material_index]
     lines = ["gpudem particles", "", f"{len(s)} atoms", f"{len(scene.materials)} atom types", ""]

@@ -13,14 +13,15 @@ from gpudem.scene import Scene
 def processors(scene: Scene, ranks: int) -> tuple[int, int, int]:
     """Bricks along x, y, z for `ranks` ranks.
 
-    Left to itself LIGGGHTS cuts the longest side, which in a dam break leaves all grains with one rank. Rule: do not
-    cut across a gate (the grains stand behind it) nor along gravity (they sink to the floor); of the cuts left,
-    take the one whose fullest brick holds fewest particles at the start, and of equal ones the smallest cut area.
-    Where everything is excluded, all cuts compete.
+    Left to itself LIGGGHTS cuts the longest side, which in a dam break leaves all grains with one rank.
+    Rule: do not cut across a gate (the grains stand behind it) nor along gravity (they sink to the floor);
+    of the cuts left, take the one whose fullest brick holds fewest particles at the start, and of equal
+    ones the smallest cut area. Where everything is excluded, all cuts compete.
     """
     gated = {k for p in scene.planes if p.removed_at is not None for k in range(3) if p.normal[k] != 0}
     falling = {k for k in range(3) if scene.gravity[k] != 0}
-    grids = [g for g in itertools.product(range(1, ranks + 1), repeat=3) if math.prod(g) == ranks]
+    counts = range(1, ranks + 1)
+    grids = [g for g in itertools.product(counts, counts, counts) if math.prod(g) == ranks]
     allowed = [g for g in grids if all(g[k] == 1 for k in gated | falling)]
     return min(allowed or grids, key=lambda g: (_fullest(scene, g), _cut_area(scene, g), g))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import struct
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,11 +20,13 @@ if TYPE_CHECKING:
 
 #: Array of a LIGGGHTS .vtu -> column of a frame.
 VTU_COLUMNS = {
-    "id": "id", "type": "material", "c_position[1-3]": "position", "v": "velocity", "omega": "angular_velocity",
+    "id": "id", "type": "material", "c_position[1-3]": "position",
+    "v": "velocity", "omega": "angular_velocity",
     "radius": "radius", "f": "force", "tq": "torque",
 }  # fmt: skip
-#: Lines before the table of each step in a text dump, and columns of the table (id and five vectors).
-HEADER_LINES, TEXT_COLUMNS = 9, 16
+#: Columns of the trace: id and five vectors.
+TRACE_WIDTH = 16
+SNAPSHOT, CHUNK = struct.Struct("=qq7i6dii"), struct.Struct("=i")
 
 
 def frames(scene: Scene, directory: Path) -> None:
@@ -64,7 +67,7 @@ def frame(scene: Scene, path: Path, step: int) -> Frame:
 
 
 def wrap(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """Positions in lo <= x < hi along periodic sides; LIGGGHTS moves them in only when it rebuilds its list."""
+    """Positions in lo <= x < hi along periodic sides; LIGGGHTS moves them in at list rebuilds only."""
     position = np.array(position, np.float64)
     for k in range(3):
         if scene.domain.periodic[k]:
@@ -76,51 +79,60 @@ def wrap(scene: Scene, position: np.ndarray) -> np.ndarray:
 
 
 def trace(scene: Scene, path: Path) -> dict[str, np.ndarray]:
-    """The text dump of every trace interval: step (t,), time (t,), and TRACE_COLUMNS, each (t, n, 3), in id order.
+    """The binary dump of every trace interval: step (t,), time (t,), TRACE_COLUMNS, each (t, n, 3), in id
+    order.
 
     Raises LiggghtsOutputError naming file and step where it is missing, truncated or corrupted.
     """
     stride = scene.stride(scene.output.trace_every)
-    steps = np.arange(0, scene.n_steps + 1, stride)
-    n = len(scene.state)
+    steps, n = np.arange(0, scene.n_steps + 1, stride), len(scene.state)
     if not path.is_file():
         raise LiggghtsOutputError(f"{path}: no such dump (steps 0 to {steps[-1]} expected)")
-    values = np.empty((len(steps), n, TEXT_COLUMNS))
-    with path.open("rb") as file:
-        for k, step in enumerate(steps):
-            head = [file.readline() for _ in range(HEADER_LINES)]
-            if head[1].strip() != b"%d" % step or head[3].strip() != b"%d" % n:
-                raise LiggghtsOutputError(
-                    f"{path}: truncated or corrupted at step {step}: header {head[1]!r} {head[3]!r}"
-                )
-            values[k] = _table(b"".join(file.readline() for _ in range(n)), n, path, int(step))
-    if not np.array_equal(values[..., 0], np.broadcast_to(np.arange(1, n + 1), values.shape[:2])):
-        raise LiggghtsOutputError(f"{path}: ids are not 1 to {n} in every step")
+    content, at = path.read_bytes(), 0
+    values = np.empty((len(steps), n, TRACE_WIDTH))
+    for k, step in enumerate(steps):
+        try:
+            values[k], at = _snapshot(content, at, int(step), n)
+        except (ValueError, struct.error) as error:
+            raise LiggghtsOutputError(f"{path}: truncated or corrupted at step {step}: {error}") from None
+    if at != len(content):
+        raise LiggghtsOutputError(f"{path}: {len(content) - at} bytes after the last step {steps[-1]}")
     columns = {name: values[..., 1 + 3 * i : 4 + 3 * i].copy() for i, name in enumerate(TRACE_COLUMNS)}
     columns["position"] = wrap(scene, columns["position"])
     return {"step": steps, "time": steps * scene.time.step, **columns}
 
 
-def _table(text: bytes, n: int, path: Path, step: int) -> np.ndarray:
-    """n lines of TEXT_COLUMNS numbers."""
-    words = text.split()
-    try:
-        if len(words) != n * TEXT_COLUMNS or not text.endswith(b"\n"):
-            raise ValueError(f"{len(words)} numbers for {n * TEXT_COLUMNS}")
-        table = np.array(words, dtype="S").astype(np.float64).reshape(n, TEXT_COLUMNS)
-    except ValueError as error:
-        raise LiggghtsOutputError(f"{path}: truncated or corrupted at step {step}: {error}") from None
+def _snapshot(content: bytes, at: int, step: int, n: int) -> tuple[np.ndarray, int]:
+    """One step of a LIGGGHTS binary dump from byte `at`: table (n, TRACE_WIDTH), and where the next begins.
+
+    Header: step, particles (int64), triclinic and six boundary flags (int32), box (6 float64), columns,
+    chunks (int32); then a chunk per rank: its length (int32) and numbers (float64).
+    """
+    found_step, particles, *_, width, chunks = SNAPSHOT.unpack_from(content, at)
+    if (found_step, particles, width) != (step, n, TRACE_WIDTH):
+        raise ValueError(f"found step {found_step} with {particles} particles and {width} columns")
+    at += SNAPSHOT.size
+    parts = []
+    for _ in range(chunks):
+        (length,) = CHUNK.unpack_from(content, at)
+        if not 0 <= length <= n * TRACE_WIDTH:
+            raise ValueError(f"chunk of {length} numbers")
+        parts.append(np.frombuffer(content, np.float64, length, at + CHUNK.size))
+        at += CHUNK.size + 8 * length
+    table = np.concatenate(parts).reshape(n, TRACE_WIDTH)
+    if not np.array_equal(table[:, 0], np.arange(1, n + 1)):
+        raise ValueError(f"ids are not 1 to {n} in order")
     if not np.isfinite(table).all():
-        raise LiggghtsOutputError(f"{path}: step {step}: not a number (nan)")
-    return table
+        raise ValueError("not a number (nan)")
+    return table, at
 
 
-def history(scene: Scene, blocks: list[list[list[str]]]) -> pandas.DataFrame | None:
+def history(scene: Scene, blocks: list[list[str]]) -> pandas.DataFrame | None:
     """Thermo rows -> HISTORY_COLUMNS, one row for each multiple of the history interval.
 
-    A gate removal ends one `run` and starts another, which prints the same step again with the gate gone: the row
-    BEFORE the new set-up is kept. `contacts` = particle-particle plus particle-wall contacts; potential energy
-    = - sum(m) g . centre [J]. Raises LiggghtsOutputError where a row is missing or broken.
+    A gate removal ends one `run` and starts another, which prints the same step again with the gate gone:
+    the row BEFORE the new set-up is kept. `contacts` = particle-particle plus particle-wall contacts;
+    potential energy = - sum(m) g . centre [J]. Raises LiggghtsOutputError where a row is missing or broken.
     """
     import pandas
 
@@ -131,25 +143,31 @@ def history(scene: Scene, blocks: list[list[list[str]]]) -> pandas.DataFrame | N
     parts = []
     for (_, _, planes), rows in zip(scene.segments, blocks, strict=True):
         try:
-            table = pandas.DataFrame(
-                np.array(rows, dtype="S").astype(np.float64).reshape(-1, len(names)), columns=names
+            table = (
+                np.array([row.split() for row in rows], dtype="S").astype(np.float64).reshape(-1, len(names))
             )
         except ValueError as error:
             raise LiggghtsOutputError(f"thermo rows are not {len(names)} numbers each: {error}") from None
-        walls = table[[f"touch_{p.name}" for p in planes]].sum(axis=1)
-        parts.append(table.assign(contacts=table["touches"] / 2 + walls))
-    table = pandas.concat(parts, ignore_index=True)
-    table = table[table["step"] % stride == 0].drop_duplicates("step", keep="first").reset_index(drop=True)
-    table["step"] = table["step"].astype(np.int64)
-    if not np.array_equal(table["step"], np.arange(0, scene.n_steps + 1, stride)):
+        walls = sum(table[:, names.index(f"touch_{p.name}")] for p in planes)
+        # LIGGGHTS counts a contact of two particles at both
+        parts.append(np.column_stack([table, table[:, names.index("touches")] / 2 + walls]))
+    rows = np.concatenate(parts)
+    _, first = np.unique(rows[:, 0], return_index=True)
+    rows = rows[first]
+    rows = rows[rows[:, 0] % stride == 0]
+    column = dict(zip([*names, "contacts"], rows.T, strict=True))
+    column["step"] = column["step"].astype(np.int64)
+    if not np.array_equal(column["step"], np.arange(0, scene.n_steps + 1, stride)):
         raise LiggghtsOutputError(f"thermo rows do not cover every {stride} steps to {scene.n_steps}")
-    state = scene.state
-    density = np.array([m.density for m in scene.materials.values()])[state.material]
-    mass = float(np.sum(density * 4 / 3 * np.pi * state.radius**3))
-    centre = table[["centre_x", "centre_y", "centre_z"]].to_numpy()
-    table["time"] = table["step"] * scene.time.step
-    table["potential_energy"] = -mass * (centre @ np.array(scene.gravity))
-    table["contacts"] = table["contacts"].round().astype(np.int64)
-    if "rotational_energy" not in table:
-        table["rotational_energy"] = 0.0
-    return table[list(HISTORY_COLUMNS)]
+    centre = np.stack([column[f"centre_{a}"] for a in "xyz"], axis=1)
+    column["time"] = column["step"] * scene.time.step
+    column["potential_energy"] = -_mass(scene) * (centre @ np.array(scene.gravity))
+    column["contacts"] = column["contacts"].round().astype(np.int64)
+    column.setdefault("rotational_energy", np.zeros(len(rows)))
+    return pandas.DataFrame({name: column[name] for name in HISTORY_COLUMNS})
+
+
+def _mass(scene: Scene) -> float:
+    """Mass of all particles [kg]."""
+    density = np.array([m.density for m in scene.materials.values()])[scene.state.material]
+    return float(np.sum(density * 4 / 3 * np.pi * scene.state.radius**3))

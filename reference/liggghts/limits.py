@@ -1,4 +1,4 @@
-"""What LIGGGHTS 3.8.0 refuses or has no words for, said before the deck is written and in terms of the scene."""
+"""What LIGGGHTS 3.8.0 refuses or has no words for, said before the deck is written, in the scene's terms."""
 
 from __future__ import annotations
 
@@ -34,7 +34,10 @@ def _too_inelastic(scene: Scene, pair: Pair) -> bool:
 
 def _restitution(pair: Pair) -> str:
     names = " / ".join(pair.materials)
-    return f"pairs {names}: restitution = {pair.restitution:g}: LIGGGHTS wants {MIN_RESTITUTION:g} < restitution <= 1"
+    return (
+        f"pairs {names}: restitution = {pair.restitution:g}:"
+        f" LIGGGHTS wants {MIN_RESTITUTION:g} < restitution <= 1"
+    )
 
 
 def _tilted(plane: Plane) -> str:

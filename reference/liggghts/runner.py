@@ -1,7 +1,7 @@
-"""Starts LIGGGHTS, follows it, ends it when it must, and believes it only when everything shows that it finished.
+"""Starts LIGGGHTS, follows it, ends it when it must; believes it only if everything shows that it finished.
 
-LIGGGHTS exits with status 0 after a signal, with NaN everywhere, or with all atoms lost; success is therefore read
-from what it printed, never from the exit status alone.
+LIGGGHTS exits with status 0 after a signal, with NaN everywhere, or with all atoms lost; success is
+therefore read from what it printed, never from the exit status alone.
 """
 
 from __future__ import annotations
@@ -48,26 +48,32 @@ def execute(
     """Write deck and data into `directory`, run them there, follow to the end.
 
     Args:
+        deck: What to run.
+        directory: Where to; deck, data, log and the folder of raw dumps are written there.
+        binary: Path of LIGGGHTS.
+        ranks: MPI processes.
         timeout: Wall-clock limit [s]; the whole process group is ended after it.
         progress: Called with the number of steps done.
 
     Raises:
-        LiggghtsFailed: unwritable directory, ERROR line, signal, NaN, lost particles, or an end before the last step.
+        LiggghtsFailed: unwritable directory, ERROR line, signal, NaN, lost particles, or an end before
+            the last step.
         LiggghtsTimeout: not done within `timeout`.
     """
     try:
         (directory / RAW).mkdir(parents=True, exist_ok=True)
         (directory / DECK).write_text(deck.text)
         (directory / DATA).write_text(deck.data)
-        log = open(directory / LOG, "w", errors="replace")  # noqa: SIM115 - closed below, after the process ended
+        log = open(directory / LOG, "w", errors="replace")
     except OSError as error:
         raise LiggghtsFailed(f"{directory}: cannot be written: {error}") from error
     console = Console(deck.text.splitlines(), progress or (lambda step: None))
     start = time.monotonic()
     with log:
         process = subprocess.Popen(
-            command(binary, ranks), cwd=directory, env={**os.environ, **_MPI_AS_ROOT}, stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True,
+            command(binary, ranks), cwd=directory, env={**os.environ, **_MPI_AS_ROOT},
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            start_new_session=True,
         )  # fmt: skip
         memory = _Memory(process.pid, ranks)
         try:
@@ -83,12 +89,12 @@ def execute(
     return Outcome(console, time.monotonic() - start, memory.peak)
 
 
-#: mpirun refuses to start as root (in a container) without these; more ranks than cores is the caller's choice.
+#: mpirun refuses to start as root (in a container) without these.
 _MPI_AS_ROOT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
 
 
 def command(binary: str, ranks: int) -> list[str]:
-    """The command line. `stdbuf -oL`: block-buffered, the texts of fatal errors would be lost with the process."""
+    """The command line. Without `stdbuf -oL` the texts of fatal errors would be lost with the process."""
     launcher = ["mpirun", "--oversubscribe", "-np", str(ranks)] if ranks > 1 else ["stdbuf", "-oL"]
     return [*launcher, binary, "-in", DECK, "-echo", "screen", "-log", "none"]
 

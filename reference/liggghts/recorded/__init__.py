@@ -35,7 +35,7 @@ def record(run: Run, folder: Path = FOLDER, frame_dtype: str = "float64") -> Pat
         "deck_hash": key, "scene": run.scene.name, "frame_dtype": frame_dtype, "warnings": run.warnings,
         "ranks": run.timing.cores, "stepping_s": run.timing.stepping_s,
     }  # fmt: skip
-    np.savez_compressed(folder / f"{key}.npz", **arrays)
+    np.savez_compressed(folder / f"{key}.npz", **arrays)  # pyright: ignore[reportArgumentType]
     (folder / f"{key}.json").write_text(json.dumps(facts, indent=1) + "\n")
     return folder / f"{key}.npz"
 
@@ -60,14 +60,16 @@ def recall(key: str, scene: Scene, directory: Path, folder: Path = FOLDER) -> Ru
     for k, step in enumerate(range(0, scene.n_steps + 1, scene.frame_stride)):
         frame = {name: column[k] for name, column in parts["frames"].items()}
         writer.add(step, {n: c.astype(np.float64) if c.dtype.kind == "f" else c for n, c in frame.items()})
-    note = f"recorded {facts['recorded']} on {facts['machine']} with {facts['version']}; frames as {facts['frame_dtype']}"
+    where = f"{facts['recorded']} on {facts['machine']} with {facts['version']}"
+    warning = f"LIGGGHTS was not run here: recorded {where}; frames as {facts['frame_dtype']}"
     timing = Timing(len(scene.state), scene.n_steps, stepping_s=facts["stepping_s"], cores=facts["ranks"])
+    history = pandas.DataFrame(parts["history"], columns=list(HISTORY_COLUMNS)) if parts["history"] else None
     run = Run(
         "liggghts", facts["version"], scene, directory, timing,
-        warnings=[*facts["warnings"], f"LIGGGHTS was not run here: output {note}"],
+        warnings=[*facts["warnings"], warning],
         notes={"deck_hash": key, "ranks": facts["ranks"], "recorded": True, "provenance": facts},
         trace=parts["trace"] or None,
-        history=pandas.DataFrame(parts["history"])[list(HISTORY_COLUMNS)] if parts["history"] else None,
+        history=history,
     )  # fmt: skip
     run.save()
     return run

@@ -1,0 +1,224 @@
+"""LIGGGHTS' contact laws and integrator in plain NumPy: all pairs, no neighbour list, from the formulas
+alone.
+
+An oracle for both codes: it agrees with the LIGGGHTS binary to rounding (see test_agreement.py), and is
+written from the published formulas, not from either code. For few particles: every pair is looked at in
+every step.
+
+    m dv/dt = sum F + m g,  I dw/dt = sum T,  I = 2/5 m R^2     velocity Verlet; forces see half-step
+    velocities n from j to i, overlap d = Ri + Rj - r, q = sqrt(R* d) Fn = kn d - cn vn,  Ft = -kt s (- ct
+    vt while sticking),  |kt s| <= mu |Fn|
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from gpudem.scene import Pair, Plane, Scene
+
+
+@dataclasses.dataclass
+class Contacts:
+    """Everything that can touch: pairs of spheres, or spheres and one plane; one row each."""
+
+    i: np.ndarray
+    j: np.ndarray | None
+    """Second sphere; None for a plane."""
+    plane: Plane | None
+    mass: np.ndarray
+    """Effective mass m* [kg]; a wall's is infinite."""
+    radius: np.ndarray
+    """Effective radius R* [m]; a wall's is infinite."""
+    young: np.ndarray
+    shear: np.ndarray
+    """Effective moduli E* and G* [Pa]."""
+    pair: list[Pair]
+    spring: np.ndarray
+    """Tangential displacement s of i against j [m], shape (rows, 3)."""
+
+    def of(self, name: str) -> np.ndarray:
+        """A pair property, one value per row."""
+        return np.array([getattr(p, name) or 0.0 for p in self.pair], float)
+
+
+def emulate(scene: Scene) -> dict[str, np.ndarray]:
+    """Run a scene; the trace in the form of `Run.trace`, one row each trace interval (each step without one).
+
+    The row at a gate removal is the one before the new set-up. Periodic positions lie in lo <= x < hi.
+    """
+    state, dt = scene.state, scene.time.step
+    x, v, w = state.position.copy(), state.velocity.copy(), state.angular_velocity.copy()
+    m = _mass(scene)[:, None]
+    inertia = 0.4 * m * state.radius[:, None] ** 2
+    spheres, walls = _sphere_contacts(scene), {p.name: _wall_contacts(scene, p) for p in scene.planes}
+    stride = scene.stride(scene.output.trace_every) or 1
+    rows = []
+
+    def forces(planes: list[Plane], update: bool) -> tuple[np.ndarray, np.ndarray]:
+        f, t = np.zeros_like(x), np.zeros_like(x)
+        for contacts in [spheres, *(walls[p.name] for p in planes)]:
+            _add_contacts(scene, contacts, x, v, w, f, t, update)
+        return f + m * np.array(scene.gravity), t
+
+    for first, last, planes in scene.segments:
+        f, t = forces(planes, update=False)  # set-up: full-step velocities, springs left alone
+        if first == 0:
+            rows.append((0, x.copy(), v.copy(), w.copy(), f, t))
+        for step in range(first + 1, last + 1):
+            v += dt / (2 * m) * f
+            w += dt / (2 * inertia) * t
+            x += dt * v
+            f, t = forces(planes, update=True)
+            v += dt / (2 * m) * f
+            w += dt / (2 * inertia) * t
+            if step % stride == 0:
+                rows.append((step, x.copy(), v.copy(), w.copy(), f, t))
+    steps = np.array([row[0] for row in rows])
+    names = ("position", "velocity", "angular_velocity", "force", "torque")
+    trace = {name: np.array([row[1 + k] for row in rows]) for k, name in enumerate(names)}
+    lo, size = np.array(scene.domain.lo), np.array(scene.domain.hi) - np.array(scene.domain.lo)
+    turns = np.where(scene.domain.periodic, np.floor((trace["position"] - lo) / size), 0.0)
+    return {"step": steps, "time": steps * dt, **trace, "position": trace["position"] - turns * size}
+
+
+def _mass(scene: Scene) -> np.ndarray:
+    density = np.array([m.density for m in scene.materials.values()])[scene.state.material]
+    return density * 4 / 3 * math.pi * scene.state.radius**3
+
+
+def _contacts(scene: Scene, i, j, plane: Plane | None) -> Contacts:
+    names, materials, state, mass = (
+        list(scene.materials),
+        list(scene.materials.values()),
+        scene.state,
+        _mass(scene),
+    )
+    a = state.material[i]
+    b = state.material[j] if plane is None else np.full(len(i), scene.material_index[plane.material])
+    e, nu = np.array([m.young for m in materials]), np.array([m.poisson for m in materials])
+    together = lambda q: q[i] * q[j] / (q[i] + q[j]) if plane is None else q[i]  # noqa: E731
+    return Contacts(
+        i, j, plane, together(mass), together(state.radius),
+        young=1 / ((1 - nu[a] ** 2) / e[a] + (1 - nu[b] ** 2) / e[b]),
+        shear=1 / (2 * (2 - nu[a]) * (1 + nu[a]) / e[a] + 2 * (2 - nu[b]) * (1 + nu[b]) / e[b]),
+        pair=[scene.pair(names[p], names[q]) for p, q in zip(a, b, strict=True)],
+        spring=np.zeros((len(i), 3)),
+    )  # fmt: skip
+
+
+def _sphere_contacts(scene: Scene) -> Contacts:
+    return _contacts(scene, *np.triu_indices(len(scene.state), 1), None)
+
+
+def _wall_contacts(scene: Scene, plane: Plane) -> Contacts:
+    return _contacts(scene, np.arange(len(scene.state)), None, plane)
+
+
+def _coefficients(scene: Scene, c: Contacts, overlap: np.ndarray) -> tuple[np.ndarray, ...]:
+    """kn, kt [N/m], cn, ct [N s/m] at an overlap [m]."""
+    q = np.sqrt(c.radius * overlap)
+    damping = scene.contact.tangential_damping
+    if scene.contact.normal == "hertz/stiffness":
+        return (
+            q * c.of("kn"),
+            q * c.of("kt"),
+            q * c.mass * c.of("gamma_n"),
+            q * c.mass * c.of("gamma_t") * damping,
+        )
+    log_e = np.log(c.of("restitution"))
+    beta = log_e / np.sqrt(log_e**2 + math.pi**2)
+    if scene.contact.normal == "hooke":
+        speed = scene.contact.characteristic_velocity
+        kn = 16 / 15 * np.sqrt(c.radius) * c.young
+        kn = kn * (15 * c.mass * speed**2 / (16 * np.sqrt(c.radius) * c.young)) ** 0.2
+        cn = np.sqrt(4 * c.mass * kn) * np.abs(beta)
+        return kn, kn, cn, cn * damping
+    sn, st = 2 * c.young * q, 8 * c.shear * q
+    cn, ct = (-2 * math.sqrt(5 / 6) * beta * np.sqrt(s * c.mass) for s in (sn, st))
+    return 2 / 3 * sn, st, cn, ct * damping
+
+
+def _geometry(scene: Scene, c: Contacts, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Normal from j (or the plane) to i, and overlap [m], of every row."""
+    radius = scene.state.radius
+    if c.plane is not None:
+        normal = np.array(c.plane.normal)
+        return np.tile(normal, (len(c.i), 1)), radius[c.i] - (x[c.i] - np.array(c.plane.point)) @ normal
+    d = x[c.i] - x[c.j]
+    size = np.array(scene.domain.hi) - np.array(scene.domain.lo)
+    d = d - np.where(scene.domain.periodic, size * np.round(d / size), 0.0)
+    r = np.sqrt(np.sum(d * d, axis=1))
+    return d / r[:, None], radius[c.i] + radius[c.j] - r
+
+
+def _add_contacts(scene: Scene, c: Contacts, x, v, w, f, t, update: bool) -> None:
+    """Add forces f [N] and torques t [N m] of all touching rows; `update`: the springs follow the motion."""
+    n, overlap = _geometry(scene, c, x)
+    touching = overlap > 0
+    c.spring[~touching] = 0.0
+    if not touching.any():
+        return
+    kn, kt, cn, ct = (k[touching] for k in _coefficients(scene, c, np.maximum(overlap, 0.0)))
+    n, overlap, i = n[touching], overlap[touching], c.i[touching]
+    j = None if c.j is None else c.j[touching]
+    arm_i = scene.state.radius[i] - overlap / 2
+    relative, spin = v[i], arm_i[:, None] * w[i]
+    if j is not None:
+        arm_j = scene.state.radius[j] - overlap / 2
+        relative, spin = v[i] - v[j], spin + arm_j[:, None] * w[j]
+    vn = _dot(relative, n)
+    fn = kn * overlap - cn * vn
+    if scene.contact.limit_force:
+        fn = np.maximum(fn, 0.0)
+    vt = relative - vn[:, None] * n - np.cross(spin, n)
+    ft = _tangential(scene, c, touching, n, vt, kt, ct, c.of("friction")[touching] * np.abs(fn), update)
+    force, turn = fn[:, None] * n + ft, np.cross(n, ft)
+    resist = _rolling(scene, c, touching, n, kn * overlap, w[i] if j is None else w[i] - w[j])
+    np.add.at(f, i, force)
+    np.add.at(t, i, -arm_i[:, None] * turn - resist)
+    if j is not None:
+        np.add.at(f, j, -force)
+        np.add.at(t, j, -arm_j[:, None] * turn + resist)
+
+
+def _tangential(scene, c, touching, n, vt, kt, ct, limit, update: bool) -> np.ndarray:
+    """Tangential force on i [N]; `limit` = mu |Fn|."""
+    if not scene.needs.tangential:
+        return np.zeros_like(vt)
+    if scene.contact.tangential == "no_history":
+        speed = np.sqrt(_dot(vt, vt))
+        return (
+            -np.minimum(ct, np.divide(limit, speed, out=np.full_like(speed, np.inf), where=speed > 0))[
+                :, None
+            ]
+            * vt
+        )
+    s = c.spring[touching]
+    if update:
+        s = s + vt * scene.time.step
+        s = s - _dot(s, n)[:, None] * n  # projected onto the new tangent plane, length not restored
+    elastic = kt * np.sqrt(_dot(s, s))
+    slip = elastic > limit
+    ratio = np.where(slip, limit / np.where(slip, elastic, 1.0), 1.0)[:, None]
+    if update:
+        c.spring[touching] = s * ratio
+    # the dashpot is added after the test: while sticking the sum may exceed mu |Fn|; while slipping there
+    # is none
+    return -kt[:, None] * s * ratio - np.where(slip, 0.0, ct)[:, None] * vt
+
+
+def _rolling(scene, c, touching, n, elastic, spin) -> np.ndarray:
+    """Constant-torque rolling resistance [N m] against the relative spin, without its part along n."""
+    if not scene.needs.rolling:
+        return np.zeros_like(spin)
+    size = np.sqrt(_dot(spin, spin))
+    magnitude = (c.of("rolling_friction") * c.radius)[touching] * elastic
+    torque = (magnitude / np.where(size > 0, size, 1.0))[:, None] * spin
+    return torque - _dot(torque, n)[:, None] * n
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.sum(a * b, axis=-1)

@@ -1,0 +1,182 @@
+"""Small scenes in which LIGGGHTS and the emulator must agree to rounding."""
+
+from __future__ import annotations
+
+from gpudem.scene import Scene
+
+R = 0.003
+BALL = {"young": 5e6, "poisson": 0.34, "density": 1768.0}
+WALL = {"young": 3.2e9, "poisson": 0.37, "density": 1190.0}
+
+
+def scene(
+    name: str, position, velocity, *, steps: int, every: int = 1, pair=None, wall_pair=None, **more
+) -> Scene:
+    """Spheres of radius R in a 60 mm cube, dt = 1 us."""
+    data = {
+        "name": name,
+        "materials": {"ball": BALL, "wall": WALL} if more.get("walls") else {"ball": BALL},
+        "pairs": [{"materials": ("ball", "ball"), "restitution": 0.5, "friction": 0.3, **(pair or {})}],
+        "particles": {
+            "source": "explicit", "position": position, "radius": R, "material": "ball", "velocity": velocity,
+            "angular_velocity": more.pop("spin", None),
+        },
+        "domain": {"lo": (-0.03, -0.03, -0.03), "hi": (0.03, 0.03, 0.03)},
+        "time": {"step": 1e-6, "duration": steps * 1e-6},
+        "output": {"trace_every": every * 1e-6, "history_every": every * 1e-6},
+    }  # fmt: skip
+    if more.get("walls"):
+        data["pairs"].append(
+            {"materials": ("ball", "wall"), "restitution": 0.6, "friction": 0.2, **(wall_pair or {})}
+        )
+    data["output"] |= more.pop("output", {})
+    return Scene(**{**data, **more})
+
+
+FLOOR = {"kind": "plane", "name": "floor", "material": "wall", "point": (0, 0, 0), "normal": (0, 0, 1)}
+FACING = {
+    "position": [[-0.0031, 0, 0], [0.0031, 0.001, 0.0005]],
+    "velocity": [[0.5, 0.3, 0], [-0.5, -0.3, 0.1]],
+}
+FALLING = {
+    "position": [[0.001, 0.002, 0.00301]],
+    "velocity": [[0.3, 0.1, -0.5]],
+    "spin": [[20.0, -30.0, 5.0]],
+}
+STIFFNESS = {"kn": 2e6, "kt": 1.5e6, "gamma_n": 4e5, "gamma_t": 2e5}
+
+
+def two_spheres(**more) -> Scene:
+    """Oblique impact of two spinning spheres."""
+    more = {"spin": [[30.0, -10.0, 20.0], [-5.0, 15.0, 40.0]], "name": "two_spheres", "steps": 1200, **more}
+    return scene(**FACING, **more)
+
+
+def recorded_scene() -> Scene:
+    """The one whose LIGGGHTS output is kept in the source."""
+    return two_spheres(name="recorded", steps=1000, every=25)
+
+
+def wall_bounce(**more) -> Scene:
+    """Oblique impact of a spinning sphere on a floor, under gravity."""
+    more = {"name": "wall_bounce", "walls": [FLOOR], "gravity": (0.0, 0.0, -9.81), **more}
+    return scene(**FALLING, steps=1200, **more)
+
+
+def periodic_crossing() -> Scene:
+    """Two spheres meet across the periodic x side; the first crosses it while they touch."""
+    return scene(
+        "periodic_crossing", [[-0.0297, 0, 0], [0.0241, 0.001, 0.0005]], [[-0.9, 0.2, 0], [-0.1, -0.2, 0.1]],
+        steps=3000, domain={"lo": (-0.03,) * 3, "hi": (0.03,) * 3, "periodic": (True, False, False)},
+        spin=[[30.0, -10.0, 20.0], [-5.0, 15.0, 40.0]],
+    )  # fmt: skip
+
+
+def gate_removal() -> Scene:
+    """A ball on the floor leans against a gate, which goes at 2 ms; a second ball lies on top and behind."""
+    gate = {
+        "kind": "plane", "name": "gate", "material": "wall", "point": (0.005, 0, 0), "normal": (-1, 0, 0),
+        "removed_at": 2e-3,
+    }  # fmt: skip
+    return scene(
+        "gate_removal", [[0.00201, 0, 0.00299], [-0.0018, 0.0004, 0.00757]],
+        [[0.02, 0.01, 0.0], [0.05, 0, -0.05]],
+        steps=5000, every=5, walls=[FLOOR, gate], gravity=(40.0, 0.0, -9.81),
+    )  # fmt: skip
+
+
+def rebound() -> Scene:
+    """A ball hops on a ball: they part and meet again before LIGGGHTS rebuilds its list."""
+    return scene(
+        "rebound", [[0, 0, 0.003], [0.0002, 0.0001, 0.00905]], [[0, 0, 0], [0.02, 0, -0.2]],
+        steps=7000, every=10,
+        pair={"restitution": 0.9, "friction": 0.5}, walls=[FLOOR], gravity=(0.0, 0.0, -200.0),
+    )  # fmt: skip
+
+
+def start_in_contact() -> Scene:
+    """Overlap and sliding speed at t = 0: the set-up forces; the wall has no friction, the pair has."""
+    return scene(
+        "start_in_contact", [[0, 0, 0.00298], [0.0003, 0, 0.00894]], [[0.1, 0, 0], [-0.2, 0.1, 0]], steps=800,
+        walls=[FLOOR], gravity=(1.0, 2.0, -9.81), wall_pair={"friction": 0.0},
+    )  # fmt: skip
+
+
+def periodic_bed() -> Scene:
+    """27 balls fall on a floor between periodic sides: many contacts at once, rebuilds of the list."""
+    return Scene(
+        name="periodic_bed",
+        materials={"ball": BALL, "wall": WALL},
+        pairs=[
+            {"materials": ("ball", "ball"), "restitution": 0.5, "friction": 0.3},
+            {"materials": ("ball", "wall"), "restitution": 0.6, "friction": 0.2},
+        ],
+        particles={
+            "source": "lattice", "material": "ball", "count": 27, "lo": (0, 0, 0), "hi": (0.02, 0.02, 0.02),
+            "radius": R, "velocity_rms": 0.1, "seed": 3,
+        },
+        walls=[FLOOR],
+        gravity=(0.0, 0.0, -9.81),
+        domain={"lo": (0, 0, 0), "hi": (0.02, 0.02, 0.05), "periodic": (True, True, False)},
+        time={"step": 4e-6, "duration": 0.012},
+        output={"trace_every": 4e-5, "history_every": 4e-5},
+    )  # fmt: skip
+
+
+def two_sizes() -> Scene:
+    """Unlike spheres of unlike materials, three in a row: several radii, several materials."""
+    steel = {"young": 2e7, "poisson": 0.25, "density": 2500.0}
+    return Scene(
+        name="two_sizes",
+        materials={"ball": BALL, "steel": steel},
+        pairs=[
+            {"materials": ("ball", "ball"), "restitution": 0.5, "friction": 0.3},
+            {"materials": ("steel", "ball"), "restitution": 0.7, "friction": 0.5},
+            {"materials": ("steel", "steel"), "restitution": 0.9, "friction": 0.1},
+        ],
+        particles={
+            "source": "explicit", "radius": [0.003, 0.002, 0.0025], "material": ["ball", "steel", "ball"],
+            "position": [[-0.0052, 0, 0], [0, 0.0005, 0], [0.0048, 0, 0.0004]],
+            "velocity": [[0.6, 0.1, 0], [0, 0, 0], [-0.4, 0, 0]],
+        },
+        domain={"lo": (-0.03,) * 3, "hi": (0.03,) * 3},
+        time={"step": 5e-7, "duration": 1.5e-3},
+        output={"trace_every": 5e-7},
+    )  # fmt: skip
+
+
+#: name -> scene maker
+AGREEMENT = {
+    "two_spheres": two_spheres,
+    "wall_bounce": wall_bounce,
+    "limit_force": lambda: two_spheres(name="limit_force", contact={"limit_force": True}),
+    "limit_force_wall": lambda: wall_bounce(name="limit_force_wall", contact={"limit_force": True}),
+    "no_damping": lambda: two_spheres(name="no_damping", contact={"tangential_damping": False}),
+    "hooke": lambda: two_spheres(name="hooke", contact={"normal": "hooke", "characteristic_velocity": 0.5}),
+    "hooke_wall": lambda: wall_bounce(
+        name="hooke_wall", contact={"normal": "hooke", "characteristic_velocity": 0.5}
+    ),
+    "stiffness": lambda: two_spheres(name="stiffness", contact={"normal": "hertz/stiffness"}, pair=STIFFNESS),
+    "stiffness_wall": lambda: wall_bounce(
+        name="stiffness_wall", contact={"normal": "hertz/stiffness"}, pair=STIFFNESS, wall_pair=STIFFNESS
+    ),
+    "no_history": lambda: two_spheres(name="no_history", contact={"tangential": "no_history"}),
+    "no_history_wall": lambda: wall_bounce(name="no_history_wall", contact={"tangential": "no_history"}),
+    "cdt": lambda: two_spheres(name="cdt", contact={"rolling": "cdt"}, pair={"rolling_friction": 0.2}),
+    "cdt_wall": lambda: wall_bounce(
+        name="cdt_wall",
+        contact={"rolling": "cdt"},
+        pair={"rolling_friction": 0.2},
+        wall_pair={"rolling_friction": 0.1},
+    ),
+    "frictionless": lambda: two_spheres(name="frictionless", pair={"friction": 0.0}),
+    "frictionless_wall": lambda: wall_bounce(
+        name="frictionless_wall", pair={"friction": 0.0}, wall_pair={"friction": 0.0}
+    ),
+    "periodic_crossing": periodic_crossing,
+    "gate_removal": gate_removal,
+    "two_sizes": two_sizes,
+    "rebound": rebound,
+    "start_in_contact": start_in_contact,
+    "periodic_bed": periodic_bed,
+}

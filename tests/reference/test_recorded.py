@@ -1,0 +1,55 @@
+"""Recorded output stands in for the binary, for exactly the deck it was recorded from, and says so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from reference import liggghts as code
+from reference.liggghts import recorded
+from reference.liggghts.deck import render
+from reference.liggghts.errors import LiggghtsNotFound
+from tests.reference.emulator import emulate
+from tests.reference.scenes import recorded_scene
+
+
+@pytest.fixture
+def no_binary(monkeypatch):
+    monkeypatch.setenv("GPUDEM_LIGGGHTS", "/nowhere/liggghts")
+
+
+def test_recorded_run_without_the_binary(tmp_path, no_binary):
+    """To renew after a change of the deck: python -m tests.reference.renew."""
+    scene = recorded_scene()
+    run = code.run(scene, tmp_path)
+    assert run.notes["recorded"] is True
+    assert run.notes["deck_hash"] == render(scene).hash
+    assert {"recorded", "machine", "version"} <= set(run.notes["provenance"])
+    assert any("LIGGGHTS was not run here" in w for w in run.warnings)
+    ours = emulate(scene)
+    for name in ("position", "velocity", "force", "torque"):
+        assert np.abs(run.trace[name] - ours[name]).max() <= 1e-12 * np.abs(ours[name]).max()
+    assert len(run.frames) == 2
+    assert run.history["contacts"].max() == 1
+
+
+def test_another_scene_is_not_taken_for_it(tmp_path, no_binary):
+    with pytest.raises(LiggghtsNotFound, match="no output is recorded"):
+        code.run(recorded_scene().replace(gravity=(0, 0, -1.0)), tmp_path)
+    with pytest.raises(LiggghtsNotFound):
+        code.run(recorded_scene(), tmp_path, use_recorded=False)
+
+
+@pytest.mark.liggghts
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_record_and_recall(dtype, tmp_path, liggghts):
+    scene = recorded_scene()
+    run = code.run(scene, tmp_path / "live")
+    recorded.record(run, tmp_path, dtype)
+    again = recorded.recall(run.notes["deck_hash"], scene, tmp_path / "again", tmp_path)
+    for name in run.trace:
+        assert np.array_equal(run.trace[name], again.trace[name])  # exact whatever the frames are kept as
+    assert run.history.equals(again.history)
+    for a, b in zip(run.frames, again.frames, strict=True):
+        assert np.allclose(a["position"], b["position"], rtol=0 if dtype == "float64" else 1e-6, atol=0)
+    assert again.notes["provenance"]["frame_dtype"] == dtype
