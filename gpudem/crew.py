@@ -1,7 +1,7 @@
 """Launches over all particles, cut into slices for the cores of the CPU; one launch on a CUDA device.
 
 Warp runs a CPU launch on one core and releases Python's lock meanwhile, so a small crew of threads, each with
-its own slice of the particles, uses them all. Every sliced kernel writes only what belongs to its own particles.
+its own slice of the particles, uses them all. A sliced kernel writes only what belongs to its own particles.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 
 import warp as wp
 
-#: Below this many particles a thread, waking the crew costs more than it saves (measured: about 30 us a launch).
+#: Below this many particles a thread, waking the crew costs more than it saves (about 30 us a launch).
 MIN_SLICE = 1000
 
 
@@ -43,7 +43,7 @@ class Crew:
                 done.put(error)
 
     def command(self, kernel: Any, params: Any, inputs: list[Any], outputs: list[Any]) -> Callable[[], None]:
-        """A call that runs `kernel(params, begin, *inputs, *outputs)` over all particles. Arguments are frozen."""
+        """A call that runs `kernel(params, begin, *inputs, *outputs)` over all particles."""
         launches = [
             wp.launch(
                 kernel,

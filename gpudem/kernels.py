@@ -15,7 +15,7 @@ from gpudem.spec import Spec
 from gpudem.state import structs
 from gpudem.walls import plane_distance
 
-#: Mode bits. SETUP: velocities are at the full step, springs are only evaluated. WRITE: keep forces and velocities.
+#: Mode bits. SETUP: velocities are at the full step, springs only evaluated. WRITE: keep forces, velocities.
 SETUP, WRITE = wp.constant(1), wp.constant(2)
 
 
@@ -104,6 +104,7 @@ def step_kernel(spec: Spec) -> Any:
         params: Params,
         begin: wp.int32,
         mode: wp.int32,
+        launch: wp.int32,
         # in
         walls: Walls,
         now: Motion,
@@ -114,6 +115,9 @@ def step_kernel(spec: Spec) -> Any:
         full: Full,
     ):
         i = begin + wp.tid()
+        if particles.moved[launch] != 0:  # an earlier launch of this chunk made the list out of date
+            particles.moved[launch + 1] = 1
+            return
         x = now.position[i]
         v = now.velocity[i]
         w = vec3()
@@ -239,6 +243,6 @@ def step_kernel(spec: Spec) -> Any:
             after.angular_velocity[i] = w + spin_kick * torque
         shift = x - particles.built_at[i]
         if not (wp.dot(shift, shift) <= params.move_limit):  # true for NaN too
-            particles.moved[0] = 1
+            particles.moved[launch + 1] = 1
 
     return step

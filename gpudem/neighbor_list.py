@@ -15,10 +15,8 @@ from gpudem.neighbors import (
     LOST,
     NOT_A_NUMBER,
     OK,
-    OVERFLOW,
     cell_kernel,
     cell_starts,
-    check_total,
     gather_kernel,
     list_kernel,
 )
@@ -97,11 +95,8 @@ class NeighborList:
         self.walls = walls
         self._commands.clear()
 
-    def rebuild(self, on_host: bool = True) -> None:
-        """Sort, re-order, list. `on_host`: grow the list where needed and check at once (else: `check` later).
-
-        Raises SimulationError for a lost particle or NaN (on_host).
-        """
+    def rebuild(self) -> None:
+        """Sort, re-order, list (which grows where needed). Raises SimulationError: lost particle or NaN."""
         state, p = self.state, self.state.particles
         self._run("cells")
         wp.utils.radix_sort_pairs(self.key, self.order, state.n, end_bit=max(1, self.cells.bit_length()))
@@ -119,14 +114,10 @@ class NeighborList:
             wp.copy(getattr(p, name), getattr(self.scratch, name))
         self._run("count")
         wp.utils.array_scan(self.count, self.start, inclusive=False)
-        if on_host:
-            self.check()
-            total = int(self.start.numpy()[state.n])
-            if total > self.params.capacity:
-                self._allocate(int(1.2 * total))
-        else:
-            check_total_inputs = [state.n, self.params.capacity, self.start]
-            wp.launch(check_total, 1, inputs=check_total_inputs, outputs=[self.status], device=state.device)
+        self._check()
+        total = int(self.start[state.n : state.n + 1].numpy()[0])
+        if total > self.params.capacity:
+            self._allocate(int(1.2 * total))
         self._run("fill")
         wp.copy(p.start, self.start)
         wp.copy(p.neighbor, self.neighbor)
@@ -151,15 +142,11 @@ class NeighborList:
             self._commands[name, parity] = self.crew.command(self.kernels[name], self.params, inputs, outputs)
         self._commands[name, parity]()
 
-    def check(self) -> None:
-        """Raises SimulationError for what a rebuild reported: a lost particle, NaN, a list too small."""
+    def _check(self) -> None:
+        """Raises SimulationError for what a rebuild reported: a lost particle, NaN."""
         code, who = (int(v) for v in self.status.numpy())
         if code == OK:
             return
-        if code == OVERFLOW:
-            raise SimulationError(
-                f"neighbour list overflowed: {who} entries, room for {self.params.capacity}"
-            )
         domain = self.scene.domain
         what = {
             LOST: f"left the domain {domain.lo} .. {domain.hi} m",

@@ -16,7 +16,7 @@ from gpudem.state import structs
 from gpudem.walls import plane_distance
 
 #: What `status[0]` says; status[1] is the particle's row in the scene.
-OK, LOST, NOT_A_NUMBER, OVERFLOW = 0, 1, 2, 3
+OK, LOST, NOT_A_NUMBER = 0, 1, 2
 
 
 @wp.func
@@ -99,7 +99,7 @@ def cell_kernel(spec: Spec) -> Any:
 
 @functools.cache
 def gather_kernel(spec: Spec) -> Any:
-    """Copies the particle arrays into scratch arrays in the new order, and lists the planes near each particle."""
+    """Copies the particle arrays into scratch arrays in the new order; marks the planes near a particle."""
     t = structs(spec.precision)
     Params, Motion, Particles, Walls = t.Params, t.Motion, t.Particles, t.Walls
     walls_with_history = spec.walls and spec.history
@@ -173,24 +173,9 @@ def cell_starts(
     start[c] = lo
 
 
-@wp.kernel(enable_backward=False)
-def check_total(
-    # in
-    n: wp.int32,
-    capacity: wp.int32,
-    start: wp.array[wp.int32],
-    # out
-    status: wp.array[wp.int32],
-):
-    """Reports a list that does not fit (device loops; the host loop grows it instead)."""
-    if start[n] > capacity:
-        status[1] = start[n]
-        status[0] = wp.int32(OVERFLOW)
-
-
 @functools.cache
 def list_kernel(spec: Spec, fill: bool) -> Any:
-    """Counts the neighbours of each particle, or (`fill`) writes them and finds the springs of touching pairs."""
+    """Counts the neighbours of each particle, or (`fill`) writes them and finds springs of touching pairs."""
     t = structs(spec.precision)
     Params, Motion, Particles = t.Params, t.Motion, t.Particles
     nearest = nearest_image(spec.periodic, spec.precision)

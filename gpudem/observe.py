@@ -1,4 +1,4 @@
-"""What is kept of a run while it goes: frames on disk, the trace of few particles, bulk quantities in time."""
+"""What is kept of a run while it goes: frames on disk, trace of few particles, bulk quantities in time."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def bulk(scene: Scene, frame: Frame, mass: np.ndarray, step: int, contacts: int)
 
 
 class Recorder:
-    """Collects the output of one run. `due(step)` says whether anything is wanted at a step, `next_after` when."""
+    """Collects the output of one run. `due(step)`: is anything wanted at a step; `next_after`: when."""
 
     def __init__(self, scene: Scene, directory: Path | None):
         self.scene, self.mass = scene, masses(scene)

@@ -21,11 +21,14 @@ from gpudem.errors import SimulationError
 from gpudem.frames import Frame
 from gpudem.kernels import SETUP, WRITE, step_kernel
 from gpudem.neighbor_list import NeighborList, cell_grid
-from gpudem.neighbors import cell_starts, check_total
+from gpudem.neighbors import cell_starts
 from gpudem.scene import Plane, Scene
 from gpudem.spec import Spec
 from gpudem.state import State, masses
 from gpudem.walls import pair_entries, pair_table, wall_table
+
+#: Steps launched as one CUDA graph between two looks at whether the list is out of date.
+CUDA_CHUNK = 32
 
 
 class Simulation:
@@ -35,10 +38,13 @@ class Simulation:
         SimulationError: lost particle, NaN, naming particle and time.
     """
 
-    def __init__(self, scene: Scene, device: str = "cpu", threads: int | None = None):
+    def __init__(
+        self, scene: Scene, device: str = "cpu", threads: int | None = None, chunk: int | None = None
+    ):
         self.scene, self.spec = scene, Spec.of(scene)
         self.device = find_device(device)
-        self.state = State(scene, self.spec, self.device)
+        self.chunk = chunk or (CUDA_CHUNK if self.device.is_cuda else 1)
+        self.state = State(scene, self.spec, self.device, self.chunk)
         self.crew = Crew(self.state.n, self.device, threads)
         self.params = self._params()
         if self.spec.several_materials:
@@ -46,7 +52,8 @@ class Simulation:
         self.neighbors = NeighborList(scene, self.state, self.params, self.crew)
         self.neighbors.grew = self._forget_commands
         self.kernel = step_kernel(self.spec)
-        self._commands: dict[tuple[int, int], Callable[[], None]] = {}
+        self._commands: dict[tuple[int, int, int], Callable[[], None]] = {}
+        self._graphs: dict[tuple[int, int], Any] = {}
         self.step_count = 0
         self._moved = self.state.particles.moved.numpy() if self.device.is_cpu else None
         self.walls: Any = None
@@ -72,24 +79,25 @@ class Simulation:
 
     def _compile(self) -> float:
         begin = time.perf_counter()
-        for kernel in (self.kernel, *self.neighbors.kernels.values(), cell_starts, check_total):
+        for kernel in (self.kernel, *self.neighbors.kernels.values(), cell_starts):
             kernel.module.load(self.device, 1 if self.device.is_cpu else 256)
         return time.perf_counter() - begin
 
     def _forget_commands(self) -> None:
         self._commands.clear()
+        self._graphs.clear()
 
     # -- the algorithm -------------------------------------------------------------------------------------
 
     def start(self, planes: list[Plane] | None = None, write: bool = False) -> None:
-        """Set-up: forces at the present full-step velocities with the given walls; then the first half kick and drift.
+        """Set-up: forces at the present full-step velocities with the given walls; first kick and drift.
 
-        At a later start (a gate has gone) call it after `write_step`.
+        At a later start (a gate has gone) call it after `write_step(last=True)`.
         """
         if self.step_count > 0:
             self._take_full_velocities()
         self.walls = wall_table(self.state, self.scene, self.scene.planes if planes is None else planes)
-        self._commands.clear()
+        self._forget_commands()
         self.neighbors.set_walls(self.walls)
         self._rebuild()
         self._launch(SETUP | (WRITE if write else 0))
@@ -97,24 +105,60 @@ class Simulation:
 
     def advance(self, steps: int) -> None:
         """Do `steps` steps without output."""
-        for _ in range(steps):
+        while steps > 0:
             self._rebuild_if_moved()
-            self._launch(0)
-            self.state.swap()
-            self.step_count += 1
+            done = self._launch_chunk(min(steps, self.chunk))
+            self.step_count += done
+            steps -= done
 
     def write_step(self, last: bool = False) -> None:
         """One more step, whose positions, velocities and forces can then be read; `last`: stay there."""
         self._rebuild_if_moved()
         self._launch(WRITE)
         self.step_count += 1
-        self._written = self.state.now
         if not last:
             self.state.swap()
 
+    def _launch_chunk(self, steps: int) -> int:
+        """Launch steps without looking between them; those after somebody moved too far did nothing.
+
+        Returns the steps that were done. On CUDA the launches are one graph, and the look one small copy.
+        """
+        if self.device.is_cuda:
+            self._launch_graph(steps)
+        else:
+            self._launch_each(steps)
+        moved = self._moved_flags()
+        if not moved[steps]:
+            return steps
+        done = int(np.argmax(moved[1 : steps + 1])) + 1
+        if (steps - done) % 2:
+            self.state.swap()
+        return done
+
+    def _launch_graph(self, steps: int) -> None:
+        key = (id(self.state.now), steps)
+        if key not in self._graphs:
+            before = (self.state.now, self.state.next)
+            with wp.ScopedCapture(self.device, force_module_load=False) as capture:
+                self._launch_each(steps)
+            self._graphs[key] = capture.graph
+            self.state.now, self.state.next = before
+        wp.capture_launch(self._graphs[key])
+        if steps % 2:
+            self.state.swap()
+
+    def _launch_each(self, steps: int) -> None:
+        for launch in range(steps):
+            self._launch(0, launch)
+            self.state.swap()
+
+    def _moved_flags(self) -> np.ndarray:
+        return self._moved if self._moved is not None else self.state.particles.moved.numpy()
+
     def _rebuild_if_moved(self) -> None:
-        moved = self._moved if self._moved is not None else self.state.particles.moved.numpy()
-        if moved[0]:
+        moved = self._moved_flags()
+        if moved[1] or (self.chunk > 1 and moved.any()):
             self._rebuild()
 
     def _rebuild(self) -> None:
@@ -126,15 +170,17 @@ class Simulation:
                 f"{error} at t = {step * self.scene.time.step:.9g} s (step {step})"
             ) from None
 
-    def _launch(self, mode: int) -> None:
-        key = (id(self.state.now), mode)
+    def _launch(self, mode: int, launch: int = 0) -> None:
+        """The step kernel from `now` to `next`; recorded once for each mode, place in a chunk and direction."""
+        key = (id(self.state.now), mode, launch)
         if key not in self._commands:
-            if mode & WRITE:
-                self.state.allocate_full()
-            full = self.state.full if self.state.full is not None else self.state.types.Full()
             state = self.state
+            if mode & WRITE:
+                state.allocate_full()
+            full = state.full if state.full is not None else state.types.Full()
+            inputs = [mode, launch, self.walls, state.now]
             self._commands[key] = self.crew.command(
-                self.kernel, self.params, [mode, self.walls, state.now], [state.particles, state.next, full]
+                self.kernel, self.params, inputs, [state.particles, state.next, full]
             )
         self._written = self.state.now
         self._commands[key]()

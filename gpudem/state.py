@@ -63,7 +63,7 @@ def structs(precision: str) -> SimpleNamespace:
         neighbor: wp.array[wp.int32]  # j, or -j - 1 where it touched in the last step, (capacity,)
         spring: wp.array[vec3]  # shear spring of each entry [m], (capacity,)
         pairs: wp.array[Pair]  # coefficients by material pair, (materials^2,)
-        moved: wp.array[wp.int32]  # 1: somebody moved more than skin/2, (1,)
+        moved: wp.array[wp.int32]  # k + 1: launch k moved somebody beyond skin/2, (chunk + 1,)
 
     @wp.struct
     class Walls:
@@ -92,9 +92,9 @@ def structs(precision: str) -> SimpleNamespace:
 
 
 class State:
-    """All device arrays of one run. `now` and `next` are read and written in turn; `scratch` is for re-ordering."""
+    """All device arrays of a run; `now` and `next` are read and written in turn, `scratch` serves rebuilds."""
 
-    def __init__(self, scene: Scene, spec: Spec, device: Any):
+    def __init__(self, scene: Scene, spec: Spec, device: Any, chunk: int):
         self.types = t = structs(spec.precision)
         self.spec, self.device, self.n = spec, device, len(scene.state)
         initial, n = scene.state, self.n
@@ -132,7 +132,7 @@ class State:
             p.wall_spring = vectors(n * self.planes)
         p.built_at = vectors()
         p.start = wp.zeros(n + 1, dtype=wp.int32, device=device)
-        p.moved = wp.ones(1, dtype=wp.int32, device=device)
+        p.moved = wp.zeros(chunk + 1, dtype=wp.int32, device=device)
         self.full: Any = None
 
     def allocate_full(self) -> None:

@@ -1,4 +1,4 @@
-"""Material pair -> the constants of the contact laws. NumPy in double precision; every equation with its source.
+"""Material pair -> the constants of the contact laws, in double precision; every equation with its source.
 
 1/E* = (1 - nu_i^2)/E_i + (1 - nu_j^2)/E_j                                  (Hertz)
 1/G* = 2 (2 - nu_i)(1 + nu_i)/E_i + 2 (2 - nu_j)(1 + nu_j)/E_j              (Mindlin)
@@ -50,10 +50,10 @@ def _hertz(a: Material, b: Material, pair: Pair, scene: Scene) -> tuple[float, f
 
 def _hertz_stiffness(a: Material, b: Material, pair: Pair, scene: Scene) -> tuple[float, float, float, float]:
     """The constants as stated: kn, kt [N/m2], gamma_n, gamma_t [1/(m s)]."""
-    assert (
-        pair.kn is not None and pair.kt is not None and pair.gamma_n is not None and pair.gamma_t is not None
-    )
-    return pair.kn, pair.kt, pair.gamma_n, pair.gamma_t
+    constants = (pair.kn, pair.kt, pair.gamma_n, pair.gamma_t)
+    if None in constants:
+        raise ValueError(f"pair {pair.materials}: hertz/stiffness needs kn, kt, gamma_n, gamma_t")
+    return constants  # type: ignore[return-value]
 
 
 def _hooke(a: Material, b: Material, pair: Pair, scene: Scene) -> tuple[float, float, float, float]:

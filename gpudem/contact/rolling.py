@@ -9,7 +9,7 @@ import warp as wp
 def cdt(c: Any, p: Any, kn: Any):
     """Constant directional torque, T = mu_r k_n overlap R* w/|w| without its part along n (LIGGGHTS `cdt`).
 
-    k_n overlap is the normal force without damping. At rest (w = 0) the torque is zero: it does not hold a slope.
+    k_n overlap is the normal force without damping. At rest (w = 0) the torque is zero: it holds no slope.
     Source: Ai, Chen, Rotter & Ooi, Powder Technol. 206 (2011) 269, model A.
     """
     torque = type(c.normal)()

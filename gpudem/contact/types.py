@@ -29,7 +29,7 @@ def contact_struct(real: Any) -> Any:
 
 @functools.cache
 def pair_struct(real: Any) -> Any:
-    """The struct `Pair` in one precision; `coefficients.py` fills it and says what k and c mean for each law."""
+    """The struct `Pair` in one precision; `coefficients.py` says what k and c mean for each law."""
 
     @wp.struct
     class Pair:
