@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import math
 import zipfile
@@ -142,23 +143,46 @@ def read_particles(path: Path, radius: float | None, material: int) -> InitialSt
 
 
 def _csv(path: Path) -> Columns:
-    try:
-        table = np.genfromtxt(path, delimiter=",", names=True, ndmin=1, encoding="utf-8")
-    except (ValueError, StopIteration) as error:
-        detail = str(error).strip().splitlines()
+    with path.open(newline="", encoding="utf-8", errors="replace") as file:
+        header, *rows = [row for row in csv.reader(file) if row] or [[]]
+    header = [name.strip() for name in header]
+    groups = {"position": "x y z", "velocity": "vx vy vz", "angular_velocity": "wx wy wz", "radius": "radius"}
+    if not {"x", "y", "z"} <= set(header):
         raise ValueError(
-            f"path = {str(path)!r}: not a table: {detail[-1].strip() if detail else 'empty'}"
-        ) from None
-    found = table.dtype.names or ()
-    groups = {"position": "x y z", "velocity": "vx vy vz", "angular_velocity": "wx wy wz"}
+            f"path = {str(path)!r}: columns x, y, z needed; found: {', '.join(header) or 'none'}"
+        )
+    known = " ".join(groups.values()).split()
+    strange = [name for name in header if name not in known or header.count(name) > 1]
+    if strange:
+        raise ValueError(
+            f"path = {str(path)!r}: unknown or repeated column {strange[0]!r}; known: {', '.join(known)}"
+        )
+    for i, row in enumerate(rows):
+        if len(row) != len(header):
+            raise ValueError(
+                f"path = {str(path)!r}: row {i + 1} has {len(row)} columns; must be {len(header)}"
+            )
+    table = {name: _numbers([row[k] for row in rows], name, path) for k, name in enumerate(header)}
     columns = {
-        name: np.stack([table[k] for k in keys.split()], axis=1)
+        name: np.stack([table[key] for key in keys.split()], axis=1)
         for name, keys in groups.items()
-        if set(keys.split()) <= set(found)
+        if set(keys.split()) <= set(table)
     }
-    if "position" not in columns:
-        raise ValueError(f"path = {str(path)!r}: columns x, y, z needed; found: {', '.join(found) or 'none'}")
-    return columns | ({"radius": table["radius"]} if "radius" in found else {})
+    if "radius" in columns:
+        columns["radius"] = columns["radius"][:, 0]
+    return columns
+
+
+def _numbers(texts: list[str], name: str, path: Path) -> np.ndarray:
+    values = np.zeros(len(texts))
+    for i, text in enumerate(texts):
+        try:
+            values[i] = float(text)
+        except ValueError:
+            raise ValueError(
+                f"path = {str(path)!r}: {name} in row {i + 1} is {text!r}; must be a number"
+            ) from None
+    return values
 
 
 def _known(arrays: Columns, path: Path) -> Columns:
@@ -171,9 +195,10 @@ def _known(arrays: Columns, path: Path) -> Columns:
 def _npz(path: Path) -> Columns:
     try:
         with np.load(path) as data:
-            return _known(dict(data), path)
-    except (OSError, EOFError, zipfile.BadZipFile, AttributeError) as error:
+            arrays = dict(data)
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, AttributeError) as error:
         raise ValueError(f"path = {str(path)!r}: not an .npz file: {error}") from None
+    return _known(arrays, path)
 
 
 def _vtu(path: Path) -> Columns:

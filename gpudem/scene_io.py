@@ -50,7 +50,11 @@ def parse_json(text: str, source: str) -> dict[str, Any]:
 
 def problems(error: ValidationError, model: type[BaseModel]) -> list[str]:
     """One line for each finding: key, value, what is wrong, what is allowed."""
-    return list(dict.fromkeys(_line(item, model) for item in error.errors(include_url=False)))
+    found = error.errors(include_url=False)
+    # a list whose only entry is bad is not also too short
+    inner = {item["loc"][:k] for item in found for k in range(len(item["loc"]))}
+    found = [item for item in found if item["type"] != "too_short" or item["loc"] not in inner]
+    return list(dict.fromkeys(_line(item, model) for item in found))
 
 
 def partial(model: type[AnyModel], data: dict[str, Any]) -> tuple[AnyModel, set[str]]:

@@ -1,0 +1,213 @@
+"""The table of bad scenes: each row edits one valid scene file. Used by test_bad_scenes.py."""
+
+from __future__ import annotations
+
+import dataclasses
+
+GOOD = """
+name = "bed"
+gravity = [0.0, 0.0, -9.81]
+[materials.ps]
+young = 3.25e7
+poisson = 0.34
+density = 1050.0
+[materials.acrylic]
+young = 3.2e7
+poisson = 0.37
+density = 1190.0
+[[pairs]]
+materials = ["ps", "ps"]
+restitution = 0.9
+[[pairs]]
+materials = ["ps", "acrylic"]
+restitution = 0.8
+[contact]
+normal = "hertz"
+[particles]
+source = "explicit"
+position = [[0.0, 0.0, 0.01], [0.02, 0.0, 0.01]]
+velocity = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+radius = 0.003
+material = "ps"
+[[walls]]
+kind = "plane"
+name = "floor"
+material = "acrylic"
+point = [0.0, 0.0, 0.0]
+normal = [0.0, 0.0, 1.0]
+[domain]
+lo = [-0.1, -0.1, 0.0]
+hi = [0.1, 0.1, 0.2]
+periodic = [false, false, false]
+[time]
+step = 1e-5
+duration = 0.1
+[output]
+frames_every = 0.01
+"""
+
+PLANE = 'kind = "plane"\nname = "floor"'
+LATTICE = """source = "lattice"
+count = 100
+lo = [-0.1, -0.1, 0.0]
+hi = [0.1, 0.1, 0.2]
+radius = 0.003
+"""
+EXPLICIT = GOOD[GOOD.index('source = "explicit"') : GOOD.index('material = "ps"\n[[walls]]')]
+
+
+@dataclasses.dataclass(frozen=True)
+class Bad:
+    """One row: edits {old: new} of the good scene, fragments of the message, number of problems listed."""
+
+    name: str
+    edits: dict[str, str]
+    expected: tuple[str, ...]
+    problems: int = 1
+
+    def text(self) -> str:
+        text = GOOD
+        for old, new in self.edits.items():
+            assert text.count(old) == 1, f"{old!r} must stand in the good scene exactly once"
+            text = text.replace(old, new)
+        return text
+
+
+def bad(name: str, old: str, new: str, *expected: str, problems: int = 1) -> Bad:
+    return Bad(name, {old: new}, expected, problems)
+
+
+# fmt: off
+FIELDS = [
+    bad("unknown key", "duration = 0.1", "duration = 0.1\ndurration = 1", "time.durration: unknown key",
+        "did you mean 'duration'?"),
+    bad("unknown section", "[output]", "[outputs]", "outputs: unknown key; did you mean 'output'?"),
+    bad("unknown material key", "young = 3.25e7", "young = 3.25e7\nyuong = 1", "materials.ps.yuong: unknown key",
+        "'young'"),
+    bad("unknown key nothing near", "[time]", "[time]\nxyzzy = 1", "time.xyzzy: unknown key; known: step, duration"),
+    bad("missing key", "poisson = 0.34\n", "", "materials.ps.poisson: missing [1]"),
+    bad("missing section", "[time]\nstep = 1e-5\nduration = 0.1", "", "time: missing"),
+    bad("number in quotes", "young = 3.25e7", 'young = "3.25e7"', "materials.ps.young = '3.25e7'",
+        "must be a number [Pa]"),
+    bad("true as number", "restitution = 0.9", "restitution = true", "pairs[0].restitution = True", "number [1]"),
+    bad("number as flag", "[contact]", "[contact]\nlimit_force = 1", "contact.limit_force = 1",
+        "must be true or false"),
+    bad("number as name", 'name = "bed"', "name = 7", "name = 7: must be text in quotes"),
+    Bad("section is a number", {"[output]\nframes_every = 0.01": "", 'name = "bed"': 'name = "bed"\noutput = 3'},
+        ("output = 3: must be a table",)),
+    bad("infinite", "duration = 0.1", "duration = inf", "time.duration = inf: out of range", "[s]"),
+    bad("nan vector", "gravity = [0.0, 0.0, -9.81]", "gravity = [0.0, nan, -9.81]", "gravity = [0.0, nan, -9.81]",
+        "three finite numbers [m/s2]"),
+    bad("two components", "gravity = [0.0, 0.0, -9.81]", "gravity = [0.0, -9.81]", "three numbers [m/s2]"),
+    bad("negative radius", "radius = 0.003", "radius = -0.003", "particles.radius = -0.003: out of range",
+        "allowed: 0 < value <= 1000 [m]"),
+    bad("one radius zero", "radius = 0.003", "radius = [0.003, 0.0]", "particles.radius", "row 2 = 0 out of range",
+        "[m]"),
+    bad("poisson", "poisson = 0.34", "poisson = 0.51", "materials.ps.poisson = 0.51", "0 <= value <= 0.5 [1]"),
+    bad("restitution zero", "restitution = 0.9", "restitution = 0.0", "pairs[0].restitution = 0.0",
+        "0 < value <= 1 [1]"),
+    bad("restitution above one", "restitution = 0.9", "restitution = 1.1", "pairs[0].restitution = 1.1",
+        "0 < value <= 1 [1]"),
+    bad("negative friction", "restitution = 0.9", "friction = -0.1", "pairs[0].friction = -0.1",
+        "0 <= value <= 10 [1]"),
+    bad("zero density", "density = 1050.0", "density = 0", "materials.ps.density = 0", "0 < value", "[kg/m3]"),
+    bad("zero step", "step = 1e-5", "step = 0.0", "time.step = 0.0", "0 < value [s]"),
+    bad("unknown law", 'normal = "hertz"', 'normal = "herz"', "contact.normal = 'herz'", "did you mean 'hertz'?"),
+    bad("unknown wall", PLANE, PLANE.replace('"plane"', '"cone"'), "walls[0].kind = 'cone': unknown",
+        "known: plane, box"),
+    bad("wall without kind", PLANE, 'name = "floor"', "walls[0].kind: missing; one of: plane, box"),
+    bad("unknown source", '"explicit"', '"explict"', "particles.source = 'explict'", "did you mean 'explicit'?"),
+    bad("wall name with blank and ;", PLANE, PLANE.replace("floor", "floor; shell reboot"),
+        "walls[0].name = 'floor; shell reboot': not a name", "letters, digits or underscores"),
+    bad("wall name with line break", PLANE, PLANE.replace("floor", "floor\\nshell"), "walls[0].name", "not a name"),
+    bad("material name", "[materials.ps]", '[materials."a b"]', "materials.a b = 'a b': not a name"),
+    bad("zero normal", "normal = [0.0, 0.0, 1.0]", "normal = [0.0, 0.0, 0.0]", "walls[0].normal",
+        "has no direction"),
+    bad("positions of two numbers", "[0.02, 0.0, 0.01]]", "[0.02, 0.0]]", "particles.position",
+        "rows of different length; must be (n, 3) [m]"),
+    bad("position of text", "[0.02, 0.0, 0.01]]", '[0.02, 0.0, "0.01"]]', "particles.position", "numbers"),
+    bad("nan position", "[0.02, 0.0, 0.01]]", "[0.02, nan, 0.01]]", "particles.position",
+        "row 2 is not a finite number [m]"),
+    bad("half a particle", EXPLICIT, LATTICE.replace("100", "0.5"), "particles.count = 0.5"),
+    bad("no particles asked for", EXPLICIT, LATTICE.replace("100", "0"), "particles.count = 0", "greater than 0"),
+    bad("empty mixture", EXPLICIT, LATTICE.replace("radius = 0.003", "radius = []"), "particles.radius = []",
+        "at least 1 item"),
+    bad("mixture share", EXPLICIT, LATTICE.replace("0.003", "[{radius = 0.003, share = 0.0}]"),
+        "particles.radius[0].share = 0.0", "0 < value"),
+    bad("waiver that does not exist", 'name = "bed"', 'name = "bed"\nallow = ["timestep"]',
+        "allow[0] = 'timestep'", "did you mean 'time_step'?"),
+]
+
+WHOLE = [
+    bad("unknown material of particles", 'material = "ps"', 'material = "pp"', "particles.material = 'pp'",
+        "no such material; known: acrylic, ps"),
+    bad("unknown material of wall", 'material = "acrylic"\n', 'material = "steel"\n', "walls[0].material = 'steel'",
+        "known: acrylic, ps"),
+    bad("unknown material of pair", 'materials = ["ps", "acrylic"]', 'materials = ["ps", "steel"]',
+        "pairs[1].materials = 'steel'"),
+    bad("missing pair", 'materials = ["ps", "acrylic"]', 'materials = ["acrylic", "acrylic"]',
+        "pairs: ps / acrylic can meet"),
+    bad("duplicate pair", 'materials = ["ps", "acrylic"]', 'materials = ["ps", "ps"]', "pairs: ps / ps given twice"),
+    bad("duplicate pair reversed", "[contact]", '[[pairs]]\nmaterials = ["acrylic", "ps"]\n[contact]',
+        "pairs: acrylic / ps given twice"),
+    bad("duplicate wall", "[domain]", '[[walls]]\nkind = "plane"\nname = "floor"\nmaterial = "acrylic"\n'
+        "point = [0.0, 0.0, 0.2]\nnormal = [0.0, 0.0, -1.0]\n[domain]", "walls: name 'floor' given twice"),
+    bad("side given twice", "[domain]", '[[walls]]\nkind = "box"\nname = "b"\nmaterial = "acrylic"\n'
+        'sides = ["xlo", "xlo"]\n[domain]', "walls: name 'b_xlo' given twice"),
+    bad("box upside down", "[domain]", '[[walls]]\nkind = "box"\nname = "b"\nmaterial = "acrylic"\n'
+        "lo = [0.0, 0.0, 0.1]\nhi = [0.1, 0.1, 0.0]\n[domain]", "walls[1].hi", "must be above lo", "[m]"),
+    bad("domain upside down", "hi = [0.1, 0.1, 0.2]", "hi = [0.1, 0.1, 0.0]", "domain.hi = (0.1, 0.1, 0.0)",
+        "must be above domain.lo", "[m]"),
+    bad("list lengths differ", "radius = 0.003", "radius = [0.003]", "particles.radius has 1 rows", "2 particles"),
+    bad("material lengths differ", 'material = "ps"', 'material = ["ps", "ps", "ps"]',
+        "particles.material has 3 rows", "2 particles"),
+    bad("velocity lengths differ", "velocity = [[0.0, 0.0, 0.0], ", "velocity = [", "particles.velocity has 1 rows"),
+    bad("no particles", EXPLICIT, 'source = "explicit"\nposition = []\nradius = 0.003\n',
+        "particles.position: no particles"),
+    bad("radius in mm", "radius = 0.003", "radius = 3", "particles.radius = 3 m", "3 mm is 0.003 m", "unusual_units"),
+    bad("young in GPa", "young = 3.25e7", "young = 3.25", "materials.ps.young = 3.25 Pa", "3.25 GPa is 3.25e+09 Pa"),
+    bad("density in g/cm3", "density = 1050.0", "density = 1.2", "materials.ps.density = 1.2 kg/m3",
+        "1.2 g/cm3 is 1200 kg/m3"),
+    bad("gravity in mm/s2", "-9.81", "-9810.0", "gravity = 9810 m/s2", "9810 mm/s2 is 9.81 m/s2"),
+    bad("overlap", "[0.02, 0.0, 0.01]]", "[0.005, 0.0, 0.01]]", "1 pairs overlap at the start",
+        "1 and 2 by 0.001 m", "0.1 of the smaller radius", "waive with allow = ['overlap']"),
+    Bad("overlap through a periodic side",
+        {"[[0.0, 0.0, 0.01], [0.02, 0.0, 0.01]]": "[[-0.099, 0.0, 0.01], [0.099, 0.0, 0.01]]",
+         "periodic = [false": "periodic = [true"}, ("1 and 2 by 0.004 m",)),
+    bad("outside the domain", "[0.02, 0.0, 0.01]]", "[0.2, 0.0, 0.01]]", "1 outside the domain",
+        "particle 2 at (0.2, 0.0, 0.01) m"),
+    bad("in the wall", "[0.02, 0.0, 0.01]]", "[0.02, 0.0, 0.001]]", "1 outside wall floor",
+        "particle 2 reaches 0.002 m into it", "0.1 radii"),
+    bad("wall beyond the domain", "point = [0.0, 0.0, 0.0]", "point = [0.0, 0.0, -0.01]",
+        "floor lies 0.01 m outside the domain"),
+    bad("periodic side too thin", "lo = [-0.1, -0.1, 0.0]\nhi = [0.1, 0.1, 0.2]\nperiodic = [false, false",
+        "lo = [-0.1, -0.006, 0.0]\nhi = [0.1, 0.006, 0.2]\nperiodic = [false, true",
+        "domain: y is periodic and 0.012 m long", "must exceed 2 (largest diameter + skin) = 0.0138 m"),
+    bad("wall across a periodic side", "periodic = [false, false, false]", "periodic = [false, false, true]",
+        "floor bounds z, which is periodic"),
+    Bad("step above Rayleigh", {"step = 1e-5": "step = 1e-4", "-9.81": "-0.01"},
+        ("time.step = 0.0001 s: above 0.5 of the Rayleigh time, 4.7e-05 s; waive with allow = ['time_step']",)),
+    Bad("step above Hertz",
+        {"step = 1e-5": "step = 3e-5", "velocity = [[0.0, 0.0, 0.0]": "velocity = [[90.0, 0.0, 0.0]"},
+        ("time.step = 3e-05 s: above 0.2 of the Hertz contact time, ", "waive with")),
+    bad("longer step than run", "duration = 0.1", "duration = 1e-6", "time.step = 1e-05 s",
+        "longer than time.duration = 1e-06 s"),
+    bad("hooke without velocity", 'normal = "hertz"', 'normal = "hooke"', "contact.characteristic_velocity: missing",
+        "[m/s]"),
+    bad("stiffness without constants", 'normal = "hertz"', 'normal = "hertz/stiffness"',
+        "ps / ps: hertz/stiffness needs kn, kt, gamma_n, gamma_t", "ps / acrylic", problems=2),
+    bad("lattice does not fit", EXPLICIT, LATTICE.replace("100", "100000"), "particles.count = 100000 does not fit",
+        "31 x 31 x 31", "pitch of 0.0063 m"),
+    Bad("trace fills the memory",
+        {"duration = 0.1": "duration = 1000.0", "[output]": "[output]\ntrace_every = 1e-5"},
+        ("output.trace_every = 1e-05 s", "100000001 rows of 2 particles take 24 GB", "allowed: <= 4 GB")),
+    Bad("several fields at once",
+        {"radius = 0.003": "radius = -1", "poisson = 0.34": "poisson = 2", "step = 1e-5": "step = 1"},
+        ("particles.radius = -1", "materials.ps.poisson = 2", "time.step = 1 s: longer than"), problems=3),
+    Bad("fields and the whole at once",
+        {"restitution = 0.8": "restitution = 8", 'material = "ps"': 'material = "pp"', "step = 1e-5": "step = 1.0",
+         "[output]": "[output]\nframes = 1"},
+        ("pairs[1].restitution = 8", "particles.material = 'pp'", "time.step = 1 s: longer than",
+         "output.frames: unknown key"), problems=4),
+]
+# fmt: on
