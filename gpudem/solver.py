@@ -171,7 +171,7 @@ class Simulation:
             ) from None
 
     def _launch(self, mode: int, launch: int = 0) -> None:
-        """The step kernel from `now` to `next`; recorded once for each mode, place in a chunk and direction."""
+        """The step kernel from `now` to `next`; recorded once for each mode, place and direction."""
         key = (id(self.state.now), mode, launch)
         if key not in self._commands:
             state = self.state

@@ -92,7 +92,7 @@ def structs(precision: str) -> SimpleNamespace:
 
 
 class State:
-    """All device arrays of a run; `now` and `next` are read and written in turn, `scratch` serves rebuilds."""
+    """All device arrays of a run: `now` and `next`, read and written in turn; `scratch` for rebuilds; ..."""
 
     def __init__(self, scene: Scene, spec: Spec, device: Any, chunk: int):
         self.types = t = structs(spec.precision)
