@@ -115,7 +115,7 @@ def compare(
     names = tuple(dict.fromkeys(name.strip() for name in chosen.split(",") if name.strip()))
     unknown = [name for name in names if name not in codes.CODES]
     if unknown or not names:
-        raise GpudemError(f"--codes: no code {chosen!r}; known: {', '.join(codes.CODES)}")
+        raise GpudemError(f"--codes: no code {(unknown or [chosen])[0]!r}; known: {', '.join(codes.CODES)}")
     cases = select(find_cases(), case, tier)
     if not cases:
         raise GpudemError(f"no case in the {tier} tier")

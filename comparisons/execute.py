@@ -90,13 +90,17 @@ class Session:
             for number, case in enumerate(self.cases.values(), 1):
                 self.reporter.say(f"[{number}/{len(self.cases)}] {case.name}: {case.title}")
                 self.run_case(case)
-            self.comparison.state = "done"
+            self.finished()
         except KeyboardInterrupt:
             self.interrupted()
         finally:
             self.reporter.close()
-            self.write()
         return self.comparison
+
+    def finished(self) -> None:
+        """All cases are done: the last word of the report."""
+        self.comparison.state = "done"
+        self.write()
 
     def run_case(self, case: Case) -> list[CheckResult]:
         """All variants through all selected codes, then checks, figures and tables; the page is rewritten."""
@@ -134,6 +138,7 @@ class Session:
             )
             rest = [c for c in case.checks if self.tier in c.tiers and c.name not in done]
             self.comparison.checks += [outcome(case, c, "left_out", "interrupted by the user") for c in rest]
+        self.write()
 
     def write(self) -> None:
         """Bring results.json, junit.xml and report.html up to date, each whole or not at all."""

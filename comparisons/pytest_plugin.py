@@ -1,0 +1,129 @@
+"""pytest plug-in: every check of the quick tier is one test, every case runs once, the report is written.
+
+A test module takes part by a test with the argument `case_check`:
+
+    def test_case(case_check):
+        case_check()
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from comparisons import execute, provenance
+from comparisons.case import TIERS
+from comparisons.discover import find_cases
+from comparisons.results import CheckResult
+
+#: The test of a case beside its checks: that it ran, and that its figures and tables could be made.
+WHOLE = "runs and is shown"
+
+
+class Harness:
+    """The comparison of one pytest session, made when the first check asks for it."""
+
+    def __init__(self, config: pytest.Config):
+        self.config, self.tier = config, config.getoption("--tier")
+        self.cases = [case for case in find_cases() if self.tier in case.tiers]
+        self.wanted: set[str] = set()
+        self.session: execute.Session | None = None
+        self._done: dict[str, dict[str, CheckResult]] = {}
+
+    def parameters(self) -> list[tuple[str, str]]:
+        """(case, check) of the tier."""
+        return [
+            (case.name, name)
+            for case in self.cases
+            for name in [*(c.name for c in case.checks if self.tier in c.tiers), WHOLE]
+        ]
+
+    def check(self, case: str, name: str) -> None:
+        """Run the case if this is its first check, then pass, fail or skip as the check did."""
+        if self.session is None:
+            directory = execute.new_directory(self.config.rootpath / "runs", provenance.commit()[0])
+            chosen = [c for c in self.cases if c.name in self.wanted]
+            command = ["pytest", *self.config.invocation_params.args]
+            self.session = execute.Session(chosen, directory, tier=self.tier, command=command)
+        if case not in self._done:
+            found = self.session.run_case(self.session.cases[case])
+            self._done[case] = {check.name: check for check in found}
+        if name == WHOLE:
+            self._whole(case)
+            return
+        result = self._done[case][name]
+        if result.status == "left_out":
+            pytest.skip(result.why)
+        if result.status == "error":
+            pytest.fail(result.why, pytrace=False)
+        if result.status == "fail":
+            pytest.fail(
+                f"{result.value!r} {result.unit}, allowed {'' if result.lo is None else f'{result.lo!r} to '}"
+                f"{result.tolerance!r} against {result.against}; it would catch: {result.catches}",
+                pytrace=False,
+            )
+
+    def _whole(self, case: str) -> None:
+        assert self.session is not None
+        result = next(c for c in self.session.comparison.cases if c.name == case)
+        wrong = [result.why] if result.status == "error" else []
+        wrong += [f"{a.kind} {a.title!r}: {a.why}" for a in result.artefacts if a.status == "error"]
+        if wrong:
+            pytest.fail("\n".join(wrong), pytrace=False)
+
+    def close(self) -> None:
+        """Write the report for the last time."""
+        if self.session is not None:
+            waiting = any(c.status == "waiting" for c in self.session.comparison.cases)
+            self.session.interrupted() if waiting else self.session.finished()
+
+
+_HARNESS = pytest.StashKey[Harness]()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`pytest --tier standard`."""
+    parser.addoption(
+        "--tier", choices=TIERS, default="quick", help="tier of the comparison cases (default: quick)"
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Find the cases."""
+    config.stash[_HARNESS] = Harness(config)
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """One test for each check: test_case[head_on: contact time ...]."""
+    if "case_check" in metafunc.fixturenames:
+        pairs = metafunc.config.stash[_HARNESS].parameters()
+        metafunc.parametrize(
+            "case_check", pairs, indirect=True, ids=[f"{case}: {name}" for case, name in pairs]
+        )
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Only the cases that this session asks for stand in its report."""
+    harness = session.config.stash[_HARNESS]
+    for item in session.items:
+        if isinstance(item, pytest.Function) and "case_check" in item.fixturenames:
+            harness.wanted.add(item.callspec.params["case_check"][0])
+
+
+@pytest.fixture
+def case_check(request: pytest.FixtureRequest) -> Callable[[], None]:
+    """Call it: it passes, fails or skips as the check of this test does."""
+    return lambda: request.config.stash[_HARNESS].check(*request.param)
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Bring the report to its end, also after Ctrl-C."""
+    session.config.stash[_HARNESS].close()
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Say where the report is."""
+    session = config.stash[_HARNESS].session
+    if session is not None:
+        terminalreporter.write_line(f"report: {session.directory / 'report.html'}")

@@ -1,0 +1,186 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from comparisons import cli, discover
+from tests.comparisons import fake
+
+ROOT = Path(__file__).parent.parent.parent
+
+SCENE = """
+name = "drop"
+gravity = [0, 0, -9.81]
+walls = [{ kind = "plane", name = "floor", material = "glass", point = [0, 0, 0], normal = [0, 0, 1] }]
+pairs = [{ materials = ["glass", "glass"], restitution = 0.9 }]
+domain = { lo = [0, 0, 0], hi = [0.1, 0.1, 0.1] }
+time = { step = 1e-5, duration = 0.001 }
+[materials.glass]
+young = 1e7
+poisson = 0.25
+density = 2500
+[particles]
+source = "explicit"
+position = [[0.05, 0.05, 0.05]]
+radius = 0.005
+material = "glass"
+"""
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch, fake_codes):
+    """An empty folder with a scene, fake codes and one fake case."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("GPUDEM_NO_RENDER", "1")
+    (tmp_path / "scene.toml").write_text(SCENE)
+    monkeypatch.setattr(discover, "find_cases", lambda: [fake.case()])
+    return tmp_path
+
+
+def test_compare_writes_and_says_where(here, capsys):
+    assert cli.main(["compare", "-q"]) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert out[0].startswith("4 pass, 0 fail, 0 error, 0 left out in ")
+    assert (here / out[1]).is_file()
+    assert (here / "runs" / "latest" / "results.json").is_file()
+
+
+def test_exit_codes(here, monkeypatch, fake_codes, capsys):
+    monkeypatch.setattr(discover, "find_cases", lambda: [fake.case(tolerance=1e-12)])
+    assert cli.main(["compare", "-q", "--codes", "gpudem"]) == 1
+    fake_codes(gpudem={"fails": "the device is gone"})
+    assert cli.main(["compare", "--out", "new"]) == 3
+    assert "ERROR gpudem on dt_4e-05: the device is gone" in capsys.readouterr().err
+
+
+def test_report_is_rebuilt(here, capsys):
+    cli.main(["compare", "-q", "--out", "c"])
+    (here / "c" / "report.html").unlink()
+    assert cli.main(["report", "c"]) == 0
+    assert (here / "c" / "report.html").is_file()
+
+
+def test_run_reports_speed_and_where(here, capsys, monkeypatch):
+    from comparisons import codes
+
+    def run(scene, directory, options, progress, extra):
+        from gpudem.run import Run, Timing
+
+        progress(scene.n_steps)
+        return Run("gpudem", "0", scene, directory, Timing(1, scene.n_steps, 1e-4), warnings=["watch out"])
+
+    monkeypatch.setitem(codes.CODES, "gpudem", codes.Code("gpudem", run))
+    assert cli.main(["run", "scene.toml", "--out", "r"]) == 0
+    out, err = capsys.readouterr()
+    assert "100 steps of 1 particles in 0.0001 s: 1 M particle-steps/s on cpu" in out
+    assert "warning: watch out" in err
+    assert json.loads((here / "r" / "scene.json").read_text())["name"] == "drop"
+
+
+def test_run_interrupted(here, capsys, monkeypatch):
+    from comparisons import codes
+
+    def run(scene, directory, options, progress, extra):
+        progress(7)
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(codes.CODES, "gpudem", codes.Code("gpudem", run))
+    assert cli.main(["run", "scene.toml", "-q", "--out", "r"]) == 130
+    assert capsys.readouterr().err == "interrupted at step 7; what is on disk stays: r\n"
+
+
+def test_run_that_fails_is_exit_3(here, capsys, fake_codes):
+    fake_codes(gpudem={"fails": "particle 3 left the domain"})
+    assert cli.main(["run", "scene.toml", "-q"]) == 3
+    assert "gpudem could not run scene.toml: particle 3 left the domain" in capsys.readouterr().err
+
+
+def test_validate_says_what_a_scene_amounts_to(here, capsys):
+    assert cli.main(["validate", "scene.toml"]) == 0
+    out = capsys.readouterr().out
+    for text in ("scene.toml: valid", "Rayleigh", "gravity", "steps", "frames"):
+        assert text in out
+
+
+def test_cases_are_listed(here, capsys):
+    assert cli.main(["cases"]) == 0
+    assert capsys.readouterr().out == "throw    4 checks  Balls thrown upwards\n"
+
+
+BAD = {
+    "unknown case": (["compare", "thro"], "no case 'thro'; did you mean 'throw'?"),
+    "unknown code": (
+        ["compare", "--codes", "gpudem,yade"],
+        "--codes: no code 'yade'; known: gpudem, liggghts",
+    ),
+    "no code": (["compare", "--codes", ","], "known: gpudem, liggghts"),
+    "unknown tier": (["compare", "--tier", "huge"], "'huge' is not one of"),
+    "ranks 0": (["compare", "--ranks", "0"], "0 is not in the range x>=1"),
+    "threads a word": (["run", "scene.toml", "--threads", "many"], "'many' is not a valid integer"),
+    "precision": (["run", "scene.toml", "--precision", "float16"], "'float16' is not one of"),
+    "folder not empty": (["compare", "--out", "."], "not empty; runs never overwrite"),
+    "folder is a file": (["compare", "--out", "scene.toml"], "scene.toml: cannot write there"),
+    "no such scene": (["validate", "gone.toml"], "gone.toml"),
+    "no such results": (["report", "gone"], "gone/results.json: cannot read"),
+    "no such command": (["simulate"], "No such command 'simulate'"),
+    "no scene": (["run"], "Missing argument 'SCENE'"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "message"), BAD.values(), ids=BAD)
+def test_bad_input_is_exit_2_with_a_message_and_no_traceback(here, capsys, arguments, message):
+    assert cli.main(arguments) == 2
+    err = capsys.readouterr().err
+    assert message in err
+    assert "Traceback" not in err
+
+
+def test_a_wrong_scene_lists_its_problems_as_they_are(here, capsys):
+    (here / "scene.toml").write_text(SCENE.replace("radius = 0.005", "radius = -1").replace("young", "yuong"))
+    assert cli.main(["run", "scene.toml"]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("scene.toml: ")
+    assert "particles.radius" in err
+    assert "young" in err
+    assert not (here / "runs").exists()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupting_the_command_keeps_the_results(tmp_path, number):
+    """The real command in a process of its own, stopped while a code runs."""
+    program = f"""
+import sys, time; sys.path.insert(0, {str(ROOT)!r})
+from comparisons import cli, codes, discover
+from tests.comparisons import fake
+def run(scene, directory, options, progress, extra):
+    print("running", flush=True); time.sleep(60)
+made = fake.codes()
+codes.CODES["gpudem"] = made["gpudem"]
+codes.CODES["liggghts"] = codes.Code("LIGGGHTS", run)
+discover.find_cases = lambda: [fake.case()]
+sys.exit(cli.main(["compare", "--out", "c", "-q"]))
+"""
+    process = subprocess.Popen(
+        [sys.executable, "-c", program],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "GPUDEM_NO_RENDER": "1"},
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "running\n"
+    time.sleep(0.2)
+    process.send_signal(number)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "interrupted: what was done so far is in the report" in err
+    stored = json.loads((tmp_path / "c" / "results.json").read_text())
+    assert stored["state"] == "interrupted"
+    assert [r["code"] for r in stored["runs"]] == ["gpudem"]
+    assert (tmp_path / "c" / "report.html").is_file()
