@@ -48,13 +48,7 @@ def read_vtu(path: Path) -> Frame:
         mesh = meshio.read(path, file_format="vtu")
     except (Exception, SystemExit) as error:  # meshio raises many kinds, and exits on some broken files
         raise FrameError(f"{path}: truncated or corrupted VTU ({type(error).__name__}: {error})") from error
-    frame = {"points": np.asarray(mesh.points), **{k: np.asarray(v) for k, v in mesh.point_data.items()}}
-    for name, column in frame.items():
-        if len(column) != len(mesh.points):
-            raise FrameError(
-                f"{path}: truncated: {name} has {len(column)} rows for {len(mesh.points)} points"
-            )
-    return frame
+    return {"points": np.asarray(mesh.points), **{k: np.asarray(v) for k, v in mesh.point_data.items()}}
 
 
 def _walls_mesh(planes: list[Plane], lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

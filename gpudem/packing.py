@@ -194,8 +194,8 @@ def _known(arrays: Columns, path: Path) -> Columns:
 
 def _npz(path: Path) -> Columns:
     try:
-        with np.load(path) as data:
-            arrays = dict(data)
+        with path.open("rb") as file:
+            arrays = dict(np.load(file))
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, AttributeError) as error:
         raise ValueError(f"path = {str(path)!r}: not an .npz file: {error}") from None
     return _known(arrays, path)

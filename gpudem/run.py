@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -103,7 +104,12 @@ class Run:
                 code=facts["code"], version=facts["version"], scene=scene, directory=directory,
                 timing=Timing(**facts["timing"]), warnings=facts["warnings"], notes=facts["notes"],
                 history=pandas.read_csv(history) if history.is_file() else None,
-                trace=dict(np.load(trace)) if trace.is_file() else None,
+                trace=_read_npz(trace) if trace.is_file() else None,
             )  # fmt: skip
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
             raise GpudemError(f"{directory}: not a complete run: {error}") from error
+
+
+def _read_npz(path: Path) -> dict[str, np.ndarray]:
+    with path.open("rb") as file:  # np.load leaves the file open where it is broken
+        return dict(np.load(file))

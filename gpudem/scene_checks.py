@@ -46,13 +46,14 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
     pairs = holds(_pair_materials, "materials", "pairs")
     domain = holds(_domain, "domain")
     walls = walls and domain and holds(_walls, "walls", "domain")
+    units = holds(_material_units, "materials", "allow") and holds(_gravity_units, "gravity", "allow")
     holds(_duration, "time")
     if not (particles and holds(_state)):
         return found
     if pairs and walls:
         holds(_pairs, "contact")
     periodic = domain and holds(_periodic, "solver")
-    if holds(_units, "gravity") and domain:
+    if holds(_radius_units) and units and domain:
         if holds(_inside) and periodic:
             holds(_overlaps, "allow")
         if walls:
@@ -232,18 +233,13 @@ def _overlaps(scene: Scene) -> list[str]:
 # -- units and time ----------------------------------------------------------------------------------------
 
 
-def _units(scene: Scene) -> list[str]:
-    """Values that smell of millimetres, gigapascals or g/cm3."""
+# Values that smell of millimetres, gigapascals or g/cm3.
+
+
+def _material_units(scene: Scene) -> list[str]:
     if "unusual_units" in scene.allow:
         return []
     found = []
-    radius, gravity = float(scene.state.radius.max()), max(map(abs, scene.gravity))
-    if radius > 1.5:
-        found.append(f"particles.radius = {radius:g} m: {radius:g} mm is {radius / 1e3:g} m; {_WAIVE_UNITS}")
-    if gravity > 5000:
-        found.append(
-            f"gravity = {gravity:g} m/s2: {gravity:g} mm/s2 is {gravity / 1e3:g} m/s2; {_WAIVE_UNITS}"
-        )
     for name, m in scene.materials.items():
         key = f"materials.{name}"
         if m.young < 1e4:
@@ -256,6 +252,20 @@ def _units(scene: Scene) -> list[str]:
                 f" {_WAIVE_UNITS}"
             )
     return found
+
+
+def _gravity_units(scene: Scene) -> list[str]:
+    largest = max(map(abs, scene.gravity))
+    if largest <= 5000 or "unusual_units" in scene.allow:
+        return []
+    return [f"gravity = {largest:g} m/s2: {largest:g} mm/s2 is {largest / 1e3:g} m/s2; {_WAIVE_UNITS}"]
+
+
+def _radius_units(scene: Scene) -> list[str]:
+    largest = float(scene.state.radius.max())
+    if largest <= 1.5 or "unusual_units" in scene.allow:
+        return []
+    return [f"particles.radius = {largest:g} m: {largest:g} mm is {largest / 1e3:g} m; {_WAIVE_UNITS}"]
 
 
 def _duration(scene: Scene) -> list[str]:
