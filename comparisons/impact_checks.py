@@ -112,7 +112,8 @@ def against_ode(
     """For each code: largest velocity error of the finest run, and the observed order over the ladder."""
 
     def worst(results: Results, label: str, code: str) -> float:
-        return max(errors(results, results[label, code], m)["velocity"] for m in meetings)
+        columns = ("velocity", "angular_velocity")
+        return max(errors(results, results[label, code], m)[k] for m in meetings for k in columns)
 
     def order_of(results: Results, code: str) -> Measured:
         labels = ladder(results, prefix)
@@ -124,7 +125,7 @@ def against_ode(
     for code in CODES:
         checks += [
             Check(
-                name=f"{what}: velocity, largest difference from exact motion / impact speed ({code})",
+                name=f"{what}: velocity and R x spin, largest error / impact speed ({code})",
                 measure=lambda results, code=code: worst(results, finest(results, prefix), code),
                 tolerance=tolerance, unit="1", against=ODE, mark="A", needs=(code,),
                 reason=f"the scheme's own error at the finest step, with a factor of two in hand; {why}",
@@ -159,7 +160,9 @@ def against_closed_forms(
         truth = exact(results, run.scene, m)
         if quantity == "rebound":
             return closed_forms.restitution(truth.bodies, limit_force)
-        return getattr(closed_forms, quantity)(truth.bodies, truth.speed)
+        if quantity == "contact_time":
+            return closed_forms.contact_time(truth.bodies, truth.speed, limit_force)
+        return closed_forms.peak_overlap(truth.bodies, truth.speed)
 
     def value(results: Results, code: str, quantity: str) -> Measured:
         run = results[finest(results, prefix), code]

@@ -132,7 +132,7 @@ def observables_table(meetings: list[Meeting], prefix: str = "", limit_force: bo
             truth = exact(results, results[label, results.codes(label)[0]].scene, m)
             want = (
                 1e6 * closed_forms.peak_overlap(truth.bodies, truth.speed),
-                1e6 * closed_forms.contact_time(truth.bodies, truth.speed),
+                1e6 * closed_forms.contact_time(truth.bodies, truth.speed, limit_force),
                 closed_forms.restitution(truth.bodies, limit_force),
             )
             rows.append((m.label, "closed form", *want))

@@ -8,7 +8,7 @@ import dataclasses
 
 import numpy as np
 
-from comparisons.case import Results
+from comparisons.case import Results, Tier
 from comparisons.metrics import trace as measure
 from comparisons.oracles.impact import Impact, impact
 from gpudem.run import Run
@@ -27,6 +27,16 @@ class Meeting:
     def rows(self) -> list[int]:
         """Rows of the particles in it."""
         return [self.row] if isinstance(self.other, str) else [self.row, self.other]
+
+
+#: Steps before the touch, and a half: it falls in the middle of a step at every rung, so that the share of
+#: the first step spent in contact, an error of first order by itself, is the same at all of them.
+RUNGS = {"quick": (121, 40, 13, 4), "standard": (364, 121, 40, 13, 4), "full": (364, 121, 40, 13, 4)}
+
+
+def ladder(tier: Tier, flight: float) -> dict[str, float]:
+    """Label -> time step [s] of each rung, finest first, for impacts that all begin at `flight` [s]."""
+    return {f"dt_{flight / (m + 0.5):.3g}": flight / (m + 0.5) for m in RUNGS[tier]}
 
 
 def exact(results: Results, scene: Scene, meeting: Meeting) -> Impact:

@@ -9,9 +9,7 @@ import numpy as np
 from comparisons import impact_figures
 from comparisons.case import Case, Tier, Variant
 from comparisons.impact_checks import against_closed_forms, against_ode, step_by_step
-from comparisons.impacts import Meeting
-from comparisons.oracles import closed_forms
-from comparisons.oracles.bodies import bodies
+from comparisons.impacts import Meeting, ladder
 from gpudem.scene import Domain, Explicit, Material, Output, Pair, Scene, Time
 
 #: Restitution, approach speed [m/s] and direction of each pair; speeds and directions differ so that an
@@ -27,11 +25,8 @@ RADII = (0.003, 0.005)
 BALL = Material(young=3.25e9, poisson=0.34, density=1768.0)
 PARTNER = Material(young=8e9, poisson=0.25, density=2500.0)
 SPACING = 0.05
-#: Steps in a contact of the reference run, compared step by step, and of the coarser ones, for the order.
-FINEST, COARSER = (
-    1024,
-    {"quick": (64, 128, 256, 512), "standard": (32, 64, 128, 256, 512), "full": (32, 64, 128, 256, 512)},
-)
+#: Time of the touch and of the run [s]; a contact takes some 55e-6 s.
+FLIGHT, DURATION = 6e-6, 85e-6
 
 MEETINGS = [Meeting(f"e = {e:g}", 2 * k, 2 * k + 1) for k, (e, _, _) in enumerate(PAIRS)]
 DAMPED, ELASTIC = MEETINGS[:3], MEETINGS[3:]
@@ -40,15 +35,13 @@ FIRST_ORDER = "the dashpot sees half-step velocities, so the error is first orde
 SECOND_ORDER = "velocity Verlet without damping is second order: about 1/steps^2"
 
 
-def scene(steps: int) -> Scene:
-    """All pairs with so many steps in the shortest contact; they start 0.3 of it apart and fly on for half
-    of it.
-    """
+def scene(dt: float) -> Scene:
+    """All pairs, `FLIGHT` before their touch."""
     position, velocity, radius, material = [], [], [], []
     for k, (_, speed, direction) in enumerate(PAIRS):
         n = np.array(direction) / np.linalg.norm(direction)
         centre = np.array([SPACING * k, 0.0, 0.0])
-        gap = speed * 4e-6
+        gap = speed * FLIGHT
         position += [centre, centre + (sum(RADII) + gap) * n]
         velocity += [0.75 * speed * n, -0.25 * speed * n]
         radius += RADII
@@ -58,27 +51,16 @@ def scene(steps: int) -> Scene:
     pairs += [Pair(materials=("ball", "ball"))]  # never meet: stated because both codes want the whole table
     pairs += [Pair(materials=(a, b)) for k, a in enumerate(partners) for b in partners[k:]]
     materials = {"ball": BALL} | dict.fromkeys(partners, PARTNER)
-    built = Scene(
-        name="head_on", title=f"head-on pairs, {steps} steps in a contact", materials=materials, pairs=pairs,
+    return Scene(
+        name="head_on", title=f"head-on pairs, step {dt:.3g} s", materials=materials, pairs=pairs,
         particles=Explicit(position=position, velocity=velocity, radius=radius, material=material),
         domain=Domain(lo=(-0.05, -0.05, -0.05), hi=(SPACING * len(PAIRS), 0.05, 0.05)),
-        time=Time(step=1e-8, duration=1e-5),
+        time=Time(step=dt, duration=DURATION), output=Output(trace_every=dt),
     )  # fmt: skip
-    times = [
-        closed_forms.contact_time(bodies(built, m.row, m.other), speed)
-        for m, (_, speed, _) in zip(MEETINGS, PAIRS, strict=True)
-    ]
-    dt = min(times) / steps
-    return built.replace(
-        time=Time(step=dt, duration=4e-6 + 1.1 * max(times)),
-        output=Output(trace_every=dt),
-        allow=["time_step"],
-    )
 
 
 def variants(tier: Tier) -> list[Variant]:
-    """The reference run first, then the ladder of coarser steps."""
-    return [Variant(f"n{steps:04d}", scene(steps)) for steps in (FINEST, *COARSER[tier])]
+    return [Variant(label, scene(dt)) for label, dt in ladder(tier, FLIGHT).items()]
 
 
 CASE = Case(

@@ -85,27 +85,33 @@ def _integral(c: Bodies, limit_force: bool, power: int) -> float:
     )
 
 
-def contact_time(c: Bodies, speed: float) -> float:
-    """Time [s] from touching to zero overlap again, damping included: T times the integral of dt.
-
-    For e = 1 equal to `elastic_contact_time`. With `limit_force` the spheres part later than the force
-    ends, at constant speed; that is not this time.
-    """
-    return length_scale(c, speed) / speed * _integral(c, False, 0)
-
-
-def sliding_impulse_deficit(c: Bodies, speed: float, limit_force: bool) -> float:
-    """Integral of overlap times normal force over the contact [N m s], what the lever arm R - overlap/2
-    costs.
-
-    Since F dt = -m* dv, it is m* (integral of v^2 dt - x v at the end), for sphere on plane.
-    """
+def _at_end(c: Bodies, limit_force: bool) -> tuple[float, float]:
+    """Scaled (overlap, parting speed) where the force ends; the overlap is 0 without `limit_force`."""
     b = c.damping_ratio
     w, end = math.sqrt(1 - b * b), _phase(c, limit_force)
-    y = math.exp(-b * end / w) * math.sin(end) / w
+    y = math.exp(-b * end / w) * math.sin(end) / w if limit_force else 0.0
     u = math.exp(-b * end / w) * (math.cos(end) - b / w * math.sin(end))
-    boundary = (math.sqrt(5) / 2 * max(y, 0.0)) ** 0.8 * u
-    return c.mass_star * speed * length_scale(c, speed) * (_integral(c, limit_force, 2) - boundary)
+    return (math.sqrt(5) / 2 * max(y, 0.0)) ** 0.8, -u
+
+
+def contact_time(c: Bodies, speed: float, limit_force: bool = False) -> float:
+    """Time [s] from touching to zero overlap again, damping included: T times the integral of dt.
+
+    For e = 1 equal to `elastic_contact_time`. With `limit_force` the force ends before the overlap; the
+    rest is flown at constant speed.
+    """
+    overlap, parting = _at_end(c, limit_force)
+    return length_scale(c, speed) / speed * (_integral(c, limit_force, 0) + overlap / parting)
+
+
+def sliding_deficit(c: Bodies, speed: float, limit_force: bool) -> float:
+    """Integral of overlap times normal force over the contact [N m s]: what the arm R - overlap/2 costs.
+
+    Since F dt = m* dv with v the parting speed, it is m* (integral of v^2 dt + overlap v at the end), for a
+    sphere on a plane.
+    """
+    overlap, parting = _at_end(c, limit_force)
+    return c.mass_star * speed * length_scale(c, speed) * (_integral(c, limit_force, 2) + overlap * parting)
 
 
 def sliding_rebound(c: Bodies, normal_speed: float, slip: float, limit_force: bool) -> tuple[float, float]:
@@ -121,7 +127,7 @@ def sliding_rebound(c: Bodies, normal_speed: float, slip: float, limit_force: bo
     mu, radius = c.friction, c.radius[0]
     sign = -math.copysign(1.0, slip)
     push = mu * (1 + restitution(c, limit_force)) * normal_speed
-    lever = mu * sliding_impulse_deficit(c, normal_speed, limit_force) / (2 * c.inertia[0])
+    lever = mu * sliding_deficit(c, normal_speed, limit_force) / (2 * c.inertia[0])
     return sign * push, sign * (2.5 * push / radius - lever)
 
 

@@ -157,14 +157,14 @@ def _event(function: Callable[[np.ndarray], float], direction: int, terminal: bo
     return event
 
 
-def _events(c: Bodies, law: Law, mode: str, sign: float) -> dict[str, Callable]:
+def _events(c: Bodies, law: Law, mode: str, sign: float, pulls: bool) -> dict[str, Callable]:
     events = {
         "apart": _event(lambda y: instant(c, y).overlap, -1),
         "peak": _event(lambda y: instant(c, y).parting, +1, terminal=False),
     }
     if law.limit_force and c.damping_ratio:
         events["apart"] = _event(lambda y: instant(c, y).raw, -1)
-    elif mode == "slip" and c.damping_ratio:
+    elif mode == "slip" and c.damping_ratio and not pulls:
         events["tension"] = _event(lambda y: instant(c, y).raw, -1)
 
     def excess(y: np.ndarray) -> float:
@@ -204,7 +204,7 @@ def solve(c: Bodies, law: Law, start: np.ndarray, rtol: float = RTOL) -> Contact
 
     Raises Chatter where stick and slip alternate without end, ValueError where the bodies do not approach.
     """
-    y, time, sign = np.array(start, float), 0.0, 0.0
+    y, time, sign, pulls = np.array(start, float), 0.0, 0.0, False
     first = instant(c, y)
     if not first.parting < 0:
         raise ValueError("the bodies do not approach each other")
@@ -215,7 +215,7 @@ def solve(c: Bodies, law: Law, start: np.ndarray, rtol: float = RTOL) -> Contact
     if law.tangential and c.friction:
         mode, sign = _mode_without_spring(c, first), math.copysign(1.0, first.slip)
     while True:
-        events = _events(c, law, mode, sign)
+        events = _events(c, law, mode, sign, pulls)
         found = solve_ivp(
             _derivative(c, law, mode, sign), (time, time + 4 * natural), y, "DOP853",
             events=list(events.values()), rtol=rtol, atol=rtol * 1e-2 * floor, dense_output=True,
@@ -237,5 +237,5 @@ def solve(c: Bodies, law: Law, start: np.ndarray, rtol: float = RTOL) -> Contact
             longest = c.friction * abs(now.raw) / (c.tangential_constant * math.sqrt(now.overlap))
             mode, y[SPRING] = "stick", sign * longest * (1 - 1e-12)
         else:  # normal force through zero: the limit, and with it the spring, vanishes and grows again
-            y[SPRING], sign = 0.0, math.copysign(1.0, now.slip)
+            y[SPRING], sign, pulls = 0.0, math.copysign(1.0, now.slip), True
             mode = _mode_without_spring(c, now)
