@@ -42,12 +42,12 @@ def run(
     try:
         binary = program.find_liggghts()
     except LiggghtsNotFound as error:
-        kept = recorded.recall(deck.hash, scene, directory) if use_recorded else None
-        if kept is None:
+        if not (use_recorded and recorded.has(deck.hash)):
             raise LiggghtsNotFound(
                 f"{error}\n  and no output is recorded for deck {deck.hash[:12]}"
             ) from None
-        return kept
+        _clear(directory)
+        return recorded.recall(deck.hash, scene, directory)
     _clear(directory)
     outcome = execute(deck, directory, binary, ranks=ranks, timeout=timeout, progress=progress)
     console = outcome.console

@@ -21,6 +21,8 @@ from reference.liggghts.errors import LiggghtsFailed, LiggghtsTimeout
 
 #: Time between SIGTERM and SIGKILL [s].
 GRACE = 2.0
+#: Time for a run that has closed its output to end by itself [s].
+FAREWELL = 20.0
 #: Between looks at clock and memory [s].
 TICK = 0.1
 #: Memory is read from the system at most this often [s].
@@ -76,15 +78,16 @@ def execute(
             start_new_session=True,
         )  # fmt: skip
         memory = _Memory(process.pid, ranks)
+        finished = False
         try:
-            _follow(process, console, log, memory, None if timeout is None else start + timeout)
+            finished = _follow(process, console, log, memory, None if timeout is None else start + timeout)
         except _Late:
             raise LiggghtsTimeout(
                 f"LIGGGHTS did not end within {timeout:g} s: ended at step {console.step} of"
                 f" {deck.segments[-1].last}\n  log: {directory / LOG}"
             ) from None
         finally:
-            _end(process)
+            _end(process, FAREWELL if finished else 0.0)
     _believe(console, deck, directory, process.returncode)
     return Outcome(console, time.monotonic() - start, memory.peak)
 
@@ -103,8 +106,8 @@ class _Late(Exception):
     """The time allowed is over."""
 
 
-def _follow(process, console: Console, log, memory: _Memory, deadline: float | None) -> None:
-    """Feed every line to the console until the output ends; a run that prints NaN is ended at once."""
+def _follow(process, console: Console, log, memory: _Memory, deadline: float | None) -> bool:
+    """Feed every line to the console until the output ends (True) or a NaN is printed (False)."""
     rest = b""
     with selectors.DefaultSelector() as selector:
         selector.register(process.stdout, selectors.EVENT_READ)
@@ -124,11 +127,11 @@ def _follow(process, console: Console, log, memory: _Memory, deadline: float | N
                 console.feed(text)
             log.flush()
             if not chunk or console.nan_step is not None:
-                return
+                return not chunk
 
 
-def _end(process: subprocess.Popen) -> None:
-    """Wait for the end; a process still running gets TERM, then KILL, with all its children."""
+def _end(process: subprocess.Popen, patience: float) -> None:
+    """Wait `patience` seconds for the end; what runs on gets TERM, then KILL, with all its children."""
     if process.stdout:
         process.stdout.close()
     for sign in (None, signal.SIGTERM, signal.SIGKILL):
@@ -138,7 +141,7 @@ def _end(process: subprocess.Popen) -> None:
             except ProcessLookupError:
                 pass
         try:
-            process.wait(0.2 if sign is None else GRACE)
+            process.wait(patience if sign is None else GRACE)
             return
         except subprocess.TimeoutExpired:
             continue

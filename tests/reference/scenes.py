@@ -60,7 +60,8 @@ def recorded_scene() -> Scene:
 def wall_bounce(**more) -> Scene:
     """Oblique impact of a spinning sphere on a floor, under gravity."""
     more = {"name": "wall_bounce", "walls": [FLOOR], "gravity": (0.0, 0.0, -9.81), **more}
-    return scene(**FALLING, steps=1200, **more)
+    more = {"steps": 1200, **more}
+    return scene(**FALLING, **more)
 
 
 def periodic_crossing() -> Scene:
@@ -99,6 +100,19 @@ def start_in_contact() -> Scene:
     return scene(
         "start_in_contact", [[0, 0, 0.00298], [0.0003, 0, 0.00894]], [[0.1, 0, 0], [-0.2, 0.1, 0]], steps=800,
         walls=[FLOOR], gravity=(1.0, 2.0, -9.81), wall_pair={"friction": 0.0},
+    )  # fmt: skip
+
+
+def polystyrene_on_acrylic() -> Scene:
+    """True moduli, 3 GPa, which LIGGGHTS takes only with `hard_particles yes`; dt = 50 ns."""
+    return wall_bounce(
+        name="polystyrene_on_acrylic", steps=1600, time={"step": 5e-8, "duration": 8e-5},
+        materials={"ball": {**BALL, "young": 3.25e9}, "wall": WALL},
+        particles={
+            "source": "explicit", "radius": R, "material": "ball", "position": [[0.001, 0.002, 0.0030005]],
+            "velocity": [[0.3, 0.1, -0.5]], "angular_velocity": [[20.0, -30.0, 5.0]],
+        },
+        output={"trace_every": 5e-8, "history_every": 5e-8},
     )  # fmt: skip
 
 
@@ -176,6 +190,7 @@ AGREEMENT = {
     "periodic_crossing": periodic_crossing,
     "gate_removal": gate_removal,
     "two_sizes": two_sizes,
+    "polystyrene_on_acrylic": polystyrene_on_acrylic,
     "rebound": rebound,
     "start_in_contact": start_in_contact,
     "periodic_bed": periodic_bed,

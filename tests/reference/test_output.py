@@ -78,7 +78,7 @@ def test_a_gap_is_no_contact(tmp_path, liggghts):
 
 def test_gate_removal_gives_each_step_once(tmp_path, liggghts):
     """A new `run` sets the forces up anew and prints the step again (trap 10): the one before is kept."""
-    s = gate_removal()
+    s = gate_removal().replace(output={"frames_every": 1e-3})
     run = code.run(s, tmp_path)
     assert run.history["step"].tolist() == run.trace["step"].tolist() == list(range(0, 5001, 5))
     at = list(run.history["step"]).index(2000)
@@ -86,6 +86,9 @@ def test_gate_removal_gives_each_step_once(tmp_path, liggghts):
         run.trace["force"][at + 1, 0, 0]
     )  # the gate still held it
     assert run.trace["position"][-1, 0, 0] > 0.0021
+    assert np.array_equal(run.frames[2]["force"], run.trace["force"][at])
+    assert np.array_equal(run.frames[2]["id"], [1, 2])
+    assert len(run.frames) == 6
 
 
 def test_history_and_frames_only_when_asked(tmp_path, liggghts):

@@ -40,16 +40,20 @@ def record(run: Run, folder: Path = FOLDER, frame_dtype: str = "float64") -> Pat
     return folder / f"{key}.npz"
 
 
-def recall(key: str, scene: Scene, directory: Path, folder: Path = FOLDER) -> Run | None:
-    """The run kept for exactly this deck, written out in `directory`; None if there is none.
+def has(key: str, folder: Path = FOLDER) -> bool:
+    """Whether output of exactly this deck is kept."""
+    return (folder / f"{key}.json").is_file() and (folder / f"{key}.npz").is_file()
+
+
+def recall(key: str, scene: Scene, directory: Path, folder: Path = FOLDER) -> Run:
+    """The run kept for exactly this deck, written out in `directory`.
 
     Its timing is that of the machine it was recorded on, and `warnings` and `notes` say that it was recorded.
+    Raises FileNotFoundError if there is none.
     """
     import pandas
 
     facts_file, arrays_file = folder / f"{key}.json", folder / f"{key}.npz"
-    if not (facts_file.is_file() and arrays_file.is_file()):
-        return None
     facts = json.loads(facts_file.read_text())
     with np.load(arrays_file) as data:
         parts: dict[str, dict[str, np.ndarray]] = {"trace": {}, "history": {}, "frames": {}}
