@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 #: Width [pixels] of one picture; enough for half a page at twice its density.
 WIDTH = 1100
+#: Where the camera looks: along the depth of the box, a little to the right and down.
+FORWARD = np.array([0.18, 1.0, -0.26]) / np.linalg.norm([0.18, 1.0, -0.26])
 #: More spheres than this are drawn as shaded points instead of meshes.
 MESHES = 4000
 #: What stands under pictures that are circles because GL is missing.
@@ -80,8 +82,9 @@ def picture(
 
     os.environ.update(_environment())
     lo, hi = np.array(scene.domain.lo), np.array(scene.domain.hi)
+    height = _height(lo, hi)
     box = (*np.stack([lo, hi], axis=1).ravel(),)
-    plotter = pyvista.Plotter(off_screen=True, window_size=(WIDTH, _height(lo, hi)), lighting="light kit")
+    plotter = pyvista.Plotter(off_screen=True, window_size=(WIDTH, height), lighting="light kit")
     plotter.set_background("white")
     cloud = pyvista.PolyData(np.ascontiguousarray(frame["position"]))
     cloud["color"], radius = values(frame, color), frame["radius"]
@@ -100,13 +103,12 @@ def picture(
     for plane in scene.planes:
         if plane.removed_at is not None and time < plane.removed_at:
             plotter.add_mesh(_gate(plane, lo, hi), color="#d55e00", opacity=0.35, lighting=False)
-    centre, size = (lo + hi) / 2, hi - lo
-    distance = 4 * max(size[0], size[2])
-    plotter.camera.parallel_projection = True
-    plotter.camera.focal_point, plotter.camera.up = centre, (0.0, 0.0, 1.0)
-    plotter.camera.position = centre + distance * np.array([-0.18, -1.0, 0.26])
-    plotter.reset_camera(bounds=box)
-    plotter.camera.zoom(1.25)
+    camera, extent = plotter.camera, _extent(lo, hi)
+    camera.parallel_projection = True
+    camera.focal_point, camera.up = (lo + hi) / 2, (0.0, 0.0, 1.0)
+    camera.position = (lo + hi) / 2 - 4 * np.linalg.norm(hi - lo) * FORWARD
+    plotter.reset_camera_clipping_range()
+    camera.parallel_scale = 0.515 * max(extent[1], extent[0] * height / WIDTH)
     image = plotter.screenshot(None, return_img=True)
     plotter.close()
     return image[..., :3]
@@ -187,10 +189,19 @@ def _circles(axis: Any, scene: Scene, frame: Frame, color: str, limits: tuple[fl
     axis.set(xlim=(lo[0], hi[0]), ylim=(lo[2], hi[2]), aspect="equal")
 
 
+def _extent(lo: np.ndarray, hi: np.ndarray) -> tuple[float, float]:
+    """Width and height [m] of a domain as `picture` sees it."""
+    right = np.cross(FORWARD, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    up = np.cross(right, FORWARD)
+    # the projection of a box is as wide as its edges' projections together
+    return float(np.abs(right) @ (hi - lo)), float(np.abs(up) @ (hi - lo))
+
+
 def _height(lo: np.ndarray, hi: np.ndarray) -> int:
     """Pixels for a domain seen as `picture` sees it."""
-    size = hi - lo
-    return int(WIDTH * min(1.0, max(0.3, (size[2] + 0.25 * size[1]) / (size[0] + 0.18 * size[1]))))
+    width, height = _extent(lo, hi)
+    return int(WIDTH * min(1.0, max(0.2, height / width)))
 
 
 def _gate(plane: Any, lo: np.ndarray, hi: np.ndarray) -> Any:

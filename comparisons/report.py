@@ -23,6 +23,10 @@ COLLECTED = {
         "What each digit of accuracy costs: each point is one run, lower left is better. Time is the stepping"
         " alone; compiling, set-up and output stand apart in the timing tables.",
     ),
+    "speed": (
+        "Speed and memory",
+        "Both codes in one run on one machine: the same scene, the same number of cores, warm-up first.",
+    ),
     "limits": ("Where each code breaks", "The edge of what each code can do, and what goes wrong beyond it."),
     "leaves_out": (
         "What a scene leaves out",

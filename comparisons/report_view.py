@@ -115,6 +115,15 @@ class View:
             self.comparison.checks, key=lambda c: (_SEVERITY[c.status], order.get(c.case, 0), -(c.ratio or 0))
         )
 
+    @functools.cached_property
+    def passed(self) -> list[tuple[CaseResult, list[CheckResult]]]:
+        """(case, its checks that hold, most of the tolerance used first)."""
+        groups = (
+            (c, [k for k in self.checks if k.case == c.name and k.status == "pass"])
+            for c in self.comparison.cases
+        )
+        return [(case, checks) for case, checks in groups if checks]
+
     def checks_of(self, case: str) -> list[CheckResult]:
         """The checks of a case in their own order."""
         return [c for c in self.comparison.checks if c.case == case]

@@ -47,6 +47,8 @@ def essentials(scene: Scene) -> dict[tuple[str, str], float | str]:
     extras = ["limit_force"] * c.limit_force + ["no tangential damping"] * (not c.tangential_damping)
     slots = f"normal {c.normal}, tangential {c.tangential}, rolling {c.rolling}"
     table["contact law", ""] = ", ".join([slots, *extras])
+    physics = [name.replace("_", " ") for name, wanted in scene.needs if wanted]
+    table["physics in play", ""] = ", ".join(physics) or "normal contact only"
     if any(scene.gravity):
         table["gravity", "m/s²"] = "({:g}, {:g}, {:g})".format(*scene.gravity)
     if scene.planes:
