@@ -206,6 +206,7 @@ def step_kernel(spec: Spec) -> Any:
                     )
                     force += f
                     torque += tq
+                    contacts += 2  # a contact with a particle is counted from both sides
                     if wp.static(spec.history):
                         if not (mode & SETUP):
                             particles.wall_spring[k * params.n + i] = spring_new

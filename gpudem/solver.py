@@ -206,7 +206,7 @@ class Simulation:
         frame = {
             "id": np.arange(1, state.n + 1, dtype=np.int64),
             "material": scene.state.material.astype(np.int32),
-            "position": by_id(self._written.position),
+            "position": self._inside(by_id(self._written.position)),
             "velocity": by_id(full.velocity),
             "angular_velocity": by_id(full.angular_velocity) if self.spec.rotation else zeros,
             "radius": scene.state.radius,
@@ -220,8 +220,16 @@ class Simulation:
                 raise SimulationError(f"particle {i + 1} has a {name} that is not a number (NaN) at {at}")
         return frame
 
+    def _inside(self, position: np.ndarray) -> np.ndarray:
+        """Positions wrapped into the periodic sides (the solver itself wraps at a rebuild only)."""
+        lo, hi = np.array(self.scene.domain.lo), np.array(self.scene.domain.hi)
+        for k in np.flatnonzero(self.scene.domain.periodic):
+            position[position[:, k] < lo[k], k] += hi[k] - lo[k]
+            position[position[:, k] >= hi[k], k] -= hi[k] - lo[k]
+        return position
+
     def contact_count(self) -> int:
-        """Particle-particle contacts in the written step."""
+        """Contacts in the written step, between particles and with walls."""
         return int(self.state.full.contacts.numpy().sum()) // 2
 
     def memory_bytes(self) -> dict[str, int]:

@@ -77,7 +77,7 @@ def structs(precision: str) -> SimpleNamespace:
         angular_velocity: wp.array[vec3]  # [rad/s], (n,)
         force: wp.array[vec3]  # with gravity [N], (n,)
         torque: wp.array[vec3]  # [N m], (n,)
-        contacts: wp.array[wp.int32]  # particle contacts, (n,)
+        contacts: wp.array[wp.int32]  # with particles + 2 x with walls, (n,)
 
     return SimpleNamespace(
         real=real,

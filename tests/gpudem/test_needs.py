@@ -1,0 +1,42 @@
+"""What a scene does not need is not there: no array, and no code that could touch one."""
+
+from gpudem.solver import Simulation
+from gpudem.spec import Spec
+from tests.gpudem.beds import PAIRS, falling_bed, gas
+
+
+def arrays(scene) -> set[str]:
+    simulation = Simulation(scene)
+    simulation.start()
+    return set(simulation.memory_bytes())
+
+
+def test_full_scene_has_everything_it_needs():
+    names = arrays(falling_bed(50))
+    assert {
+        "particles.spring",
+        "particles.wall_spring",
+        "particles.wall_touch",
+        "now.angular_velocity",
+    } <= names
+    assert not {"particles.radius", "particles.mass", "particles.material", "particles.pairs"} & names
+
+
+def test_frictionless_gas_has_no_spin_spring_or_wall():
+    names = arrays(gas())
+    forbidden = {"spring", "wall_spring", "wall_touch", "wall_near", "angular_velocity", "material", "pairs"}
+    assert not {name for name in names if name.split(".")[1] in forbidden}
+    assert {"particles.radius", "particles.mass"} <= names
+
+
+def test_friction_that_cannot_act_counts_for_nothing():
+    """A frictional pair of materials that never meet brings no friction."""
+    pairs = [{**PAIRS[0], "friction": 0.0}, {**PAIRS[1], "friction": 0.0},
+             {"materials": ("wall", "wall"), "friction": 0.5}]  # fmt: skip
+    assert Spec.of(falling_bed(50, pairs=pairs)) == Spec(
+        walls=True, gravity=True, rotation=False, tangential="off"
+    )
+
+
+def test_nothing_is_written_before_it_is_asked_for():
+    assert not {name for name in arrays(falling_bed(50)) if name.startswith("full.")}

@@ -1,0 +1,83 @@
+"""The neighbour list against all pairs. Catches off-by-one cells, missed images, a reach too short."""
+
+import numpy as np
+import pytest
+
+from gpudem.neighbor_list import cell_grid
+from gpudem.scene import Scene
+from gpudem.solver import Simulation
+from tests.gpudem.beds import MATERIALS
+
+PAIR = [{"materials": ("ball", "ball"), "restitution": 0.9, "friction": 0.0}]
+
+
+def cloud(
+    radii: np.ndarray, size: tuple[float, float, float], periodic: tuple[bool, bool, bool], seed: int
+) -> Scene:
+    position = np.random.default_rng(seed).uniform(0, 1, (len(radii), 3)) * np.array(size)
+    return Scene(
+        name="cloud", materials={"ball": MATERIALS["ball"]}, pairs=PAIR, allow=["overlap"],
+        particles={"source": "explicit", "material": "ball", "radius": radii, "position": position},
+        domain={"lo": (0, 0, 0), "hi": size, "periodic": periodic},
+        time={"step": 1e-7, "duration": 1e-6},
+    )  # fmt: skip
+
+
+def listed_pairs(simulation: Simulation) -> set[tuple[int, int]]:
+    p = simulation.state.particles
+    ids, start = p.id.numpy(), p.start.numpy()
+    entries = p.neighbor.numpy()[: start[-1]]
+    owner = np.repeat(np.arange(simulation.state.n), np.diff(start))
+    pairs = list(
+        zip(ids[owner].tolist(), ids[np.where(entries < 0, -entries - 1, entries)].tolist(), strict=True)
+    )
+    assert len(pairs) == len(set(pairs))  # nobody twice
+    return set(pairs)
+
+
+def all_pairs(scene: Scene) -> set[tuple[int, int]]:
+    x, r = scene.state.position, scene.state.radius
+    d = x[:, None] - x[None]
+    size = np.array(scene.domain.hi) - np.array(scene.domain.lo)
+    d -= np.where(scene.domain.periodic, size * np.round(d / size), 0.0)
+    near = (d**2).sum(axis=2) < (r[:, None] + r[None] + scene.skin) ** 2
+    np.fill_diagonal(near, False)
+    return {(int(i), int(j)) for i, j in np.argwhere(near)}
+
+
+@pytest.mark.parametrize(
+    ("ratio", "size", "periodic"),
+    [
+        (1, (0.1, 0.1, 0.1), (False, False, False)),
+        (1, (0.1, 0.1, 0.1), (True, True, True)),
+        (1, (0.1, 0.0161, 0.1), (False, True, False)),  # two cells across
+        (1, (0.0161, 0.0241, 0.1), (True, True, False)),  # two and three cells across
+        (5, (0.2, 0.2, 0.2), (True, False, True)),
+        (50, (0.5, 0.5, 0.5), (True, True, True)),
+    ],
+)
+def test_equals_all_pairs(ratio, size, periodic):
+    rng = np.random.default_rng(ratio)
+    radii = np.full(400, 0.003) if ratio == 1 else 0.1 * size[0] * ratio ** -rng.uniform(0, 1, 400)
+    scene = cloud(radii, size, periodic, seed=ratio)
+    simulation = Simulation(scene)
+    simulation.neighbors.rebuild()
+    expected = all_pairs(scene)
+    assert listed_pairs(simulation) == expected
+    assert len(expected) > 100
+
+
+def test_list_grows():
+    """2000 neighbours a particle do not fit the first allocation."""
+    scene = cloud(np.full(300, 0.003), (0.01, 0.01, 0.01), (False, False, False), seed=1)
+    simulation = Simulation(scene)
+    simulation.neighbors.rebuild()
+    assert listed_pairs(simulation) == all_pairs(scene)
+    assert simulation.params.capacity > 16 * 300
+
+
+def test_cells_of_a_large_empty_domain_are_few():
+    scene = cloud(np.full(10, 0.003), (1.0, 1.0, 1.0), (False, False, False), seed=1)
+    large = scene.replace(domain={"hi": (1000.0, 1000.0, 1000.0)})
+    cells, _ = cell_grid(large)
+    assert np.prod(cells) <= 2 * 10 + 4096
