@@ -79,6 +79,7 @@ class Session:
             codes=selected,
             options=dataclasses.asdict(self.options),
             started=provenance.utc_now(),
+            written=provenance.utc_now(),
             provenance=provenance.collect(command),
             cases=[_blank(case) for case in cases],
         )
@@ -143,6 +144,7 @@ class Session:
     def write(self) -> None:
         """Bring results.json, junit.xml and report.html up to date, each whole or not at all."""
         self.comparison.wall_s = time.monotonic() - self._began
+        self.comparison.written = provenance.utc_now()
         self.comparison.save(self.directory)
         junit.write(self.comparison, self.directory)
         report.write(self.comparison, self.directory)

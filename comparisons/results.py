@@ -145,6 +145,8 @@ class Comparison:
     options: dict[str, Any]
     started: str
     """UTC, ISO 8601."""
+    written: str
+    """When this was written, UTC."""
     provenance: dict[str, Any]
     cases: list[CaseResult]
     checks: list[CheckResult] = dataclasses.field(default_factory=list)

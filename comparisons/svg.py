@@ -50,6 +50,9 @@ def clean(svg: str, prefix: str) -> str:
     svg = re.sub(r'\sid="([^"]+)"', keep, svg)
     svg = re.sub(r'(url\(#|href="#)', rf"\g<1>{prefix}-", svg)
     svg = re.sub(r'href="data:image/png;base64,([^"]+)"', _smaller, svg)
+    svg = re.sub(
+        r"\s*image-rendering:\s*[a-z-]+;?", "", svg
+    )  # a browser that scales a picture should smooth it
     svg = re.sub(r"\n\s+", "\n", svg)
     match = re.search(r'<svg [^>]*?width="([\d.]+)pt"[^>]*?viewBox="([^"]+)"[^>]*>', svg)
     if match is None:
