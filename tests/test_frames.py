@@ -153,7 +153,7 @@ def test_pvd_opens_in_pyvista_with_physical_time(written: Path) -> None:
     assert {"velocity", "radius", "id", "material"} <= set(particles.array_names)
 
 
-@pytest.mark.skipif(shutil.which("pvpython") is None, reason="no ParaView (apt-get install paraview)")
+@pytest.mark.skipif(shutil.which("pvpython") is None, reason="no ParaView (apt-get install python3-paraview)")
 def test_pvd_opens_in_paraview(written: Path) -> None:
     code = (
         "from paraview.simple import *\n"

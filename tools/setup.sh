@@ -18,18 +18,25 @@ apt_install() { # apt_install PACKAGE...: 0 if installed; says why not
   local root=()
   command -v apt-get >/dev/null || { say "no apt-get here: this set-up is for Debian and Ubuntu"; return 1; }
   if ((EUID != 0)); then
-    command -v sudo >/dev/null || { say "not root and no sudo: ask for 'apt-get install $*'"; return 1; }
     root=(sudo)
-    [[ -t 0 ]] || root=(sudo -n)
+    [[ -t 0 ]] || root=(sudo -n) # nobody there to type a password
+    "${root[@]}" true 2>/dev/null || { say "not root, and sudo is not to be had: run 'apt-get install $*' as root"; return 1; }
   fi
   root+=(env DEBIAN_FRONTEND=noninteractive apt-get -qq -o Acquire::Retries=1 -o Acquire::http::Timeout=30)
+  local log
+  log=$(mktemp)
   if [[ $updated == no ]]; then
     say "apt-get update"
-    "${root[@]}" update >/dev/null || say "apt-get update failed (no network?); trying with the old lists"
+    "${root[@]}" update >"$log" 2>&1 || say "apt-get update failed (no network?); trying with the old lists"
     updated=yes
   fi
   say "apt-get install $*"
-  "${root[@]}" -y --no-install-recommends -o Dpkg::Use-Pty=0 install "$@" >/dev/null
+  if ! "${root[@]}" -y --no-install-recommends -o Dpkg::Use-Pty=0 install "$@" >"$log" 2>&1; then
+    tail -n 3 "$log" >&2
+    rm -f "$log"
+    return 1
+  fi
+  rm -f "$log"
 }
 
 has_library() { ldconfig -p 2>/dev/null | grep -qF "$1" || /sbin/ldconfig -p 2>/dev/null | grep -qF "$1"; }
@@ -38,7 +45,8 @@ liggghts_present() { command -v "${GPUDEM_LIGGGHTS:-liggghts}" >/dev/null; }
 
 install_liggghts() {
   liggghts_present && return
-  apt_install liggghts || {
+  if [[ -n ${GPUDEM_LIGGGHTS:-} ]]; then say "GPUDEM_LIGGGHTS = $GPUDEM_LIGGGHTS: no such program"; return; fi
+  { apt_install liggghts && liggghts_present; } || {
     say "no LIGGGHTS: comparisons use its recorded output; gpudem itself works"
     say "  Debian: apt-get install liggghts; Ubuntu: enable 'universe' first (add-apt-repository universe)"
   }
