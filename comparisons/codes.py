@@ -54,7 +54,8 @@ def _liggghts(
 ) -> Run:
     from reference import liggghts
 
-    return liggghts.run(scene, directory, progress=progress, **({"ranks": options.ranks} | extra))
+    arguments: dict[str, Any] = {"ranks": options.ranks} | extra
+    return liggghts.run(scene, directory, progress=progress, **arguments)
 
 
 CODES: dict[str, Code] = {

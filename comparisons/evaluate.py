@@ -54,7 +54,8 @@ class Evaluation:
     """The runs of one case and what its checks, figures and tables make of them."""
 
     def __init__(self, case: Case, tier: Tier, selected: tuple[str, ...]):
-        self.case, self.tier, self.selected = case, tier, selected
+        self.case, self.selected = case, selected
+        self.tier: Tier = tier
         self.runs: dict[Key, Run] = {}
         self.failed: dict[Key, str] = {}
         self._cache: dict[Any, Any] = {}

@@ -7,6 +7,7 @@ import time
 import traceback
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from comparisons import codes, junit, provenance, report, setup_table
 from comparisons.case import Case, Tier, Variant
@@ -71,7 +72,8 @@ class Session:
         command: list[str] | None = None,
     ):
         self.cases = {case.name: case for case in cases}
-        self.directory, self.tier, self.selected = directory, tier, selected
+        self.directory, self.selected = directory, selected
+        self.tier: Tier = tier
         self.options, self.reporter = options or codes.Options(), reporter or Reporter()
         self._began = time.monotonic()
         self.comparison = Comparison(
@@ -191,7 +193,7 @@ class Session:
                 recorded=bool(run.notes.get("recorded", False)),
             )
         )
-        timing = dataclasses.asdict(run.timing) | {"rate": run.timing.rate, "wall_s": wall}
+        timing: dict[str, Any] = dataclasses.asdict(run.timing) | {"rate": run.timing.rate, "wall_s": wall}
         self.comparison.timings.append(
             TimingResult(case=case, variant=variant.label, code=code, version=run.version, **timing)
         )

@@ -29,10 +29,8 @@ def xml(comparison: Comparison) -> bytes:
             tag + "s" if tag != "skipped" else tag: sum(c.status == s for c in checks)
             for s, tag in _TAGS.items()
         }
-        suite = ElementTree.SubElement(
-            root, "testsuite", name=case.name, tests=str(len(checks)), time=f"{case.wall_s:.3f}",
-            **{k: str(v) for k, v in tally.items()},
-        )  # fmt: skip
+        counts = {"name": case.name, "tests": len(checks), "time": f"{case.wall_s:.3f}", **tally}
+        suite = ElementTree.SubElement(root, "testsuite", {k: str(v) for k, v in counts.items()})
         facts = comparison.provenance
         _properties(
             suite, {"commit": facts.get("commit"), "command": facts.get("command"), "tier": comparison.tier}

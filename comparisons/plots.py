@@ -95,9 +95,11 @@ def look() -> Iterator[None]:
     """The report's fonts, lines and colours, for figures made inside."""
     import matplotlib as mpl
     import matplotlib.pyplot as plt
+    from cycler import cycler
 
     plt.switch_backend("agg")
-    with mpl.rc_context({**_LOOK, "axes.prop_cycle": mpl.cycler(color=SERIES)}):
+    rc: Any = {**_LOOK, "axes.prop_cycle": cycler(color=SERIES)}
+    with mpl.rc_context(rc):
         yield
 
 

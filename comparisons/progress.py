@@ -133,10 +133,10 @@ class Live(Reporter):
 
 def reporter(quiet: bool = False, stream: TextIO | None = None) -> Reporter:
     """The reporter that fits where the output goes (default: standard error)."""
-    stream = stream or sys.stderr
+    out: TextIO = stream or sys.stderr
     if quiet:
         return Reporter()
-    return Live(stream) if stream.isatty() else Plain(stream)
+    return Live(out) if out.isatty() else Plain(out)
 
 
 def quantity(x: float) -> str:

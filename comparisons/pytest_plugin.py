@@ -9,11 +9,12 @@ A test module takes part by a test with the argument `case_check`:
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
 from comparisons import execute, provenance
-from comparisons.case import TIERS
+from comparisons.case import TIERS, Tier
 from comparisons.discover import find_cases
 from comparisons.results import CheckResult
 
@@ -25,7 +26,8 @@ class Harness:
     """The comparison of one pytest session, made when the first check asks for it."""
 
     def __init__(self, config: pytest.Config):
-        self.config, self.tier = config, config.getoption("--tier")
+        self.config = config
+        self.tier: Tier = config.getoption("--tier")  # pyright: ignore[reportAttributeAccessIssue]
         self.cases = [case for case in find_cases() if self.tier in case.tiers]
         self.wanted: set[str] = set()
         self.session: execute.Session | None = None
@@ -108,7 +110,8 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     harness = session.config.stash[_HARNESS]
     for item in session.items:
         if isinstance(item, pytest.Function) and "case_check" in item.fixturenames:
-            harness.wanted.add(item.callspec.params["case_check"][0])
+            parameters: dict[str, Any] = item.callspec.params
+            harness.wanted.add(parameters["case_check"][0])
 
 
 @pytest.fixture

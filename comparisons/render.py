@@ -84,9 +84,9 @@ def picture(
     lo, hi = np.array(scene.domain.lo), np.array(scene.domain.hi)
     height = _height(lo, hi)
     box = (*np.stack([lo, hi], axis=1).ravel(),)
-    plotter = pyvista.Plotter(off_screen=True, window_size=(WIDTH, height), lighting="light kit")
+    plotter: Any = pyvista.Plotter(off_screen=True, window_size=[WIDTH, height], lighting="light kit")
     plotter.set_background("white")
-    cloud = pyvista.PolyData(np.ascontiguousarray(frame["position"]))
+    cloud: Any = pyvista.PolyData(np.ascontiguousarray(frame["position"]))
     cloud["color"], radius = values(frame, color), frame["radius"]
     look = {"scalars": "color", "cmap": "viridis", "clim": limits, "show_scalar_bar": False}
     if len(radius) <= MESHES:

@@ -7,6 +7,8 @@ import io
 import re
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -69,10 +71,16 @@ def _rasterise_dense(figure: Figure) -> None:
     from matplotlib.lines import Line2D
 
     for line in figure.findobj(Line2D):
-        if len(line.get_xdata(orig=False)) > DENSE:
+        if np.size(line.get_xdata(orig=False)) > DENSE:
             line.set_rasterized(True)
     for many in figure.findobj(Collection):
-        if max(len(many.get_offsets()), sum(len(p.vertices) for p in many.get_paths())) > DENSE:
+        if (
+            max(
+                len(np.atleast_1d(many.get_offsets())),
+                sum(np.size(p.vertices) // 2 for p in many.get_paths()),
+            )
+            > DENSE
+        ):
             many.set_rasterized(True)
 
 
