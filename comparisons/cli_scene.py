@@ -44,9 +44,10 @@ def run(path: Path, code: str, options: codes.Options, out: Path | None, quiet: 
     for warning in result.warnings:
         click.echo(f"warning: {warning}", err=True)
     t = result.timing
+    cores = f"{t.cores} {'rank' if code == 'liggghts' else 'core'}{'s' if t.cores > 1 else ''}"
     click.echo(
         f"{t.steps} steps of {t.particles} particles in {progress.duration(t.stepping_s)}:"
-        f" {progress.quantity(t.rate)} particle-steps/s on {t.device}, {t.cores} cores, {t.precision}"
+        f" {progress.quantity(t.rate)} particle-steps/s on {t.device}, {cores}, {t.precision}"
     )
     click.echo(directory / "run.pvd")
     return 0
@@ -65,10 +66,8 @@ def validate(path: Path) -> int:
     scene = Scene.from_toml(path)
     click.echo(f"{path}: valid\n")
     rows = [(f"{name} [{unit}]" if unit else name, value) for name, value, unit in setup_table.rows([scene])]
-    needs = [name for name, wanted in scene.needs if wanted]
     frames = scene.n_steps // scene.frame_stride + 1
-    rows += [("needs", ", ".join(needs) or "nothing but positions and velocities"), ("frames", str(frames))]
-    rows += [("scene hash", scene.hash[:16])]
+    rows += [("frames", str(frames)), ("scene hash", scene.hash[:16])]
     width = max(len(name) for name, _ in rows)
     for name, value in rows:
         click.echo(f"  {name:{width}}  {value}")
