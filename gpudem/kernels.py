@@ -141,7 +141,7 @@ def step_kernel(spec: Spec) -> Any:
         contacts = wp.int32(0)
 
         # particles
-        for k in range(particles.start[i], wp.min(particles.start[i + 1], params.capacity)):
+        for k in range(particles.start[i], particles.start[i + 1]):
             entry = particles.neighbor[k]
             j = entry
             if wp.static(spec.history):

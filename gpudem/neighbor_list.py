@@ -12,6 +12,7 @@ import warp as wp
 from gpudem.crew import Crew
 from gpudem.errors import SimulationError
 from gpudem.neighbors import (
+    HITS,
     LOST,
     NOT_A_NUMBER,
     OK,
@@ -52,6 +53,7 @@ class NeighborList:
         self.cell_start = wp.zeros(self.cells + 1, dtype=wp.int32, device=device)
         self.start = wp.zeros(n + 1, dtype=wp.int32, device=device)
         self.count = wp.zeros(n + 1, dtype=wp.int32, device=device)
+        self.hits = wp.zeros(n * HITS, dtype=wp.int32, device=device)
         self.status = wp.zeros(2, dtype=wp.int32, device=device)
         self.scratch = t.Particles()
         self._moved_arrays = ["id"]
@@ -82,11 +84,11 @@ class NeighborList:
         else:  # keep what the old list holds: its springs are still to be carried over
             for name in ("neighbor", "spring") if spec.history else ("neighbor",):
                 grown = wp.zeros(capacity, dtype=getattr(p, name).dtype, device=device)
-                wp.copy(grown, getattr(p, name), count=self.params.capacity)
+                wp.copy(grown, getattr(p, name), count=self.capacity)
                 setattr(p, name, grown)
         self.neighbor = wp.zeros(capacity, dtype=wp.int32, device=device)
         self.spring = wp.zeros(capacity, dtype=state.types.vec3, device=device) if spec.history else None
-        self.params.capacity = capacity
+        self.capacity = capacity
         self._commands.clear()
         self.grew()
 
@@ -116,7 +118,7 @@ class NeighborList:
         wp.utils.array_scan(self.count, self.start, inclusive=False)
         self._check()
         total = int(self.start[state.n : state.n + 1].numpy()[0])
-        if total > self.params.capacity:
+        if total > self.capacity:
             self._allocate(int(1.2 * total))
         self._run("fill")
         wp.copy(p.start, self.start)
@@ -136,8 +138,8 @@ class NeighborList:
             inputs, outputs = {
                 "cells": ([p, now], [self.key, self.order, self.status]),
                 "gather": ([self.order, self.walls, now, p], [self.inverse, scratch, self.scratch]),
-                "count": ([*listing, self.count], [None, None]),
-                "fill": ([*listing, self.start], [self.neighbor, self.spring]),
+                "count": ([*listing, self.count, self.hits], [None, None]),
+                "fill": ([*listing, self.start, self.hits], [self.neighbor, self.spring]),
             }[name]
             self._commands[name, parity] = self.crew.command(self.kernels[name], self.params, inputs, outputs)
         self._commands[name, parity]()

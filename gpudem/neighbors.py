@@ -15,6 +15,8 @@ from gpudem.spec import Spec
 from gpudem.state import structs
 from gpudem.walls import plane_distance
 
+#: Neighbours of a particle that the count remembers for the fill; one with more is searched again.
+HITS = wp.constant(24)
 #: What `status[0]` says; status[1] is the particle's row in the scene.
 OK, LOST, NOT_A_NUMBER = 0, 1, 2
 
@@ -201,6 +203,7 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
         inverse: wp.array[wp.int32],
         # in (fill) or out (count)
         start: wp.array[wp.int32],
+        hits: wp.array[wp.int32],
         # out
         neighbor: wp.array[wp.int32],
         spring: wp.array[t.vec3],
@@ -216,9 +219,17 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
         cz = key[i] // (nx * ny)
         count = wp.int32(0)
         first = wp.int32(0)
+        lowest = first_cell(cz, nz, wp.static(pz))
+        highest = last_cell(cz, nz, wp.static(pz))
         if wp.static(fill):
             first = start[i]
-        for az in range(first_cell(cz, nz, wp.static(pz)), last_cell(cz, nz, wp.static(pz)) + 1):
+            found = start[i + 1] - first
+            if found <= HITS:  # all remembered: nothing to search
+                highest = lowest - 1
+                for m in range(found):
+                    neighbor[first + m] = hits[i * HITS + m]
+                count = wp.int32(0) + found
+        for az in range(lowest, highest + 1):
             for ay in range(first_cell(cy, ny, wp.static(py)), last_cell(cy, ny, wp.static(py)) + 1):
                 row = ((az + nz) % nz * ny + (ay + ny) % ny) * nx
                 # cells along x lie side by side in the sorted order: one run, unless x wraps round
@@ -239,19 +250,19 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
                             limit = reach + particles.radius[j]
                         if near(i, j, x, now.position[j], params.size, limit):
                             if wp.static(fill):
-                                if first + count < params.capacity:
-                                    neighbor[first + count] = j
+                                neighbor[first + count] = j
+                            elif count < HITS:
+                                hits[i * HITS + count] = j
                             count += 1
         if wp.static(not fill):
             start[i] = count
         if wp.static(carry):
             o = order[i]
-            end = wp.min(first + count, params.capacity)
-            for k in range(particles.start[o], wp.min(particles.start[o + 1], params.capacity)):
+            for k in range(particles.start[o], particles.start[o + 1]):
                 entry = particles.neighbor[k]
                 if entry < 0:
                     j = inverse[-entry - 1]
-                    for m in range(first, end):
+                    for m in range(first, first + count):
                         if neighbor[m] == j:
                             neighbor[m] = -j - 1
                             spring[m] = particles.spring[k]

@@ -41,7 +41,6 @@ def structs(precision: str) -> SimpleNamespace:
         n: wp.int32
         materials: wp.int32
         planes: wp.int32
-        capacity: wp.int32  # entries of the neighbour list
 
     @wp.struct
     class Motion:

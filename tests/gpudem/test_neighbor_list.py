@@ -73,7 +73,7 @@ def test_list_grows():
     simulation = Simulation(scene)
     simulation.neighbors.rebuild()
     assert listed_pairs(simulation) == all_pairs(scene)
-    assert simulation.params.capacity > 16 * 300
+    assert simulation.neighbors.capacity > 16 * 300
 
 
 def test_cells_of_a_large_empty_domain_are_few():

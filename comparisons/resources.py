@@ -1,0 +1,68 @@
+"""What the CUDA compiler makes of a kernel, without a GPU: registers and spills for one architecture."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import shutil
+import subprocess
+import tempfile
+from importlib.metadata import PackageNotFoundError, files
+from pathlib import Path
+
+from gpudem.errors import GpudemError
+from gpudem.kernels import step_kernel
+from gpudem.spec import Spec
+
+
+@dataclasses.dataclass(frozen=True)
+class KernelResources:
+    """Of one thread: registers; bytes spilled to local memory; bytes of stack."""
+
+    registers: int
+    spill_bytes: int
+    stack_bytes: int
+
+
+def find_ptxas() -> str | None:
+    """The PTX assembler of the package nvidia-cuda-nvcc, or of an installed CUDA toolkit."""
+    try:
+        found = [f for f in files("nvidia-cuda-nvcc") or [] if f.name == "ptxas"]
+        if found:
+            return str(found[0].locate())
+    except PackageNotFoundError:
+        pass
+    return shutil.which("ptxas")
+
+
+def step_kernel_resources(spec: Spec, architecture: int = 90) -> KernelResources:
+    """Compile the step kernel of a Spec ahead of time for sm_<architecture> and read the assembler's report.
+
+    Raises GpudemError where there is no assembler, or it refuses the code.
+    """
+    import warp
+
+    ptxas = find_ptxas()
+    if ptxas is None:
+        raise GpudemError("no ptxas: install it with  pip install nvidia-cuda-nvcc")
+    with tempfile.TemporaryDirectory() as folder:
+        module = step_kernel(spec).module
+        ptx = Path(warp.compile_aot_module(module, arch=architecture, module_dir=folder, use_ptx=True)[0])
+        ptx.write_bytes(ptx.read_bytes().rstrip(b"\0"))  # Warp ends the text with a NUL that ptxas refuses
+        command = [ptxas, "-v", f"-arch=sm_{architecture}", str(ptx), "-o", str(Path(folder) / "out.cubin")]
+        report = subprocess.run(command, capture_output=True, text=True, check=False)
+    if report.returncode:
+        raise GpudemError(f"ptxas: {report.stderr.strip()}")
+    entry = report.stderr[report.stderr.index("Compiling entry function") :]
+
+    def number(pattern: str) -> int:
+        match = re.search(pattern, entry)
+        if match is None:
+            raise GpudemError(f"ptxas: no {pattern!r} in its report:\n{report.stderr}")
+        return int(match.group(1))
+
+    return KernelResources(
+        registers=number(r"Used (\d+) registers"),
+        spill_bytes=number(r"(\d+) bytes spill stores") + number(r"(\d+) bytes spill loads"),
+        stack_bytes=number(r"(\d+) bytes stack frame"),
+    )
