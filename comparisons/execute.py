@@ -219,8 +219,7 @@ class Session:
                 self.reporter.say(f"  ERROR {item.kind} {item.title!r}: {item.why}")
         for check in checks:
             if check.status in ("fail", "error"):
-                what = check.why or f"{check.value:.4g} {check.unit}, allowed {check.tolerance:.4g}"
-                self.reporter.say(f"  {check.status.upper()} {check.name}: {what}")
+                self.reporter.say(f"  {check.status.upper()} {check.name}: {check.verdict}")
 
 
 def _blank(case: Case) -> CaseResult:

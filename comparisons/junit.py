@@ -59,8 +59,9 @@ def _testcase(suite: ElementTree.Element, check: CheckResult) -> None:
     )
     _properties(test, {k: getattr(check, k) for k in fields})
     if check.status in _TAGS:
-        message = check.why or f"{check.value!r} {check.unit} is not within {check.tolerance!r}"
-        ElementTree.SubElement(test, _TAGS[check.status], message=_legal(message)).text = _legal(check.reason)
+        ElementTree.SubElement(test, _TAGS[check.status], message=_legal(check.verdict)).text = _legal(
+            check.reason
+        )
 
 
 def _properties(parent: ElementTree.Element, values: dict[str, object]) -> None:

@@ -60,11 +60,8 @@ class Harness:
         if result.status == "error":
             pytest.fail(result.why, pytrace=False)
         if result.status == "fail":
-            pytest.fail(
-                f"{result.value!r} {result.unit}, allowed {'' if result.lo is None else f'{result.lo!r} to '}"
-                f"{result.tolerance!r} against {result.against}; it would catch: {result.catches}",
-                pytrace=False,
-            )
+            message = f"{result.verdict}, against {result.against}; it would catch: {result.catches}"
+            pytest.fail(message, pytrace=False)
 
     def _whole(self, case: str) -> None:
         assert self.session is not None

@@ -13,6 +13,7 @@ from typing import Any, Literal
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from comparisons.case import Mark, Section, Tier
+from comparisons.numbers import number
 from gpudem.errors import GpudemError
 
 #: Raised by one whenever a field changes its name or meaning.
@@ -44,6 +45,23 @@ class CheckResult:
     measured: float | None = None
     expected: float | None = None
     note: str = ""
+
+    @property
+    def verdict(self) -> str:
+        """Why it has no value, or the value and what is allowed, in words."""
+        if self.why or self.value is None:
+            return self.why
+        unit = "" if self.unit in ("", "1") else f" {self.unit}"
+        return f"{self.value:.5g}{unit}, allowed: {self.allowed}"
+
+    @property
+    def allowed(self) -> str:
+        """The range in which the value must lie."""
+        if self.lo is None:
+            return f"\u2264 {number(self.tolerance)}"
+        if math.isinf(self.tolerance):
+            return f"\u2265 {number(self.lo)}"
+        return f"{number(self.lo)} to {number(self.tolerance)}"
 
     @property
     def ratio(self) -> float | None:

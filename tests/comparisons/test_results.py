@@ -99,3 +99,15 @@ def test_junit_takes_any_text(finished):
     bad = dataclasses.replace(comparison.checks[0], status="error", why="\x00\x1b[31m <&> \ud800")
     changed = dataclasses.replace(comparison, checks=[bad])
     assert ElementTree.fromstring(junit.xml(changed)).find("testsuite/testcase/error") is not None
+
+
+@pytest.mark.parametrize(
+    ("value", "tolerance", "lo", "text"),
+    [
+        (2.5e-7, 1e-9, None, "2.5e-07, allowed: ≤ 10⁻⁹"),
+        (0.5, 2.0, 1.0, "0.5, allowed: 1 to 2"),
+        (0.001, math.inf, 0.01, "0.001, allowed: ≥ 0.01"),
+    ],
+)
+def test_verdict_in_words(value, tolerance, lo, text):
+    assert check(value, tolerance, lo).verdict == text
