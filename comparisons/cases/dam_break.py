@@ -1,0 +1,204 @@
+"""Balls behind a gate in an acrylic box; the gate goes, they collapse (Park, Jun, Sohn and Lee 2014).
+
+Standard tier, on two cores at some 7e6 (LIGGGHTS, 2 ranks) and 5e6 (gpudem) particle-steps a second: three
+gates at R = 3 mm, 5 724 balls x 75 000 steps = 4.3e8 each, 3 x (62 + 86) s; five seeds at R = 6 mm,
+1 431 x 37 500 = 5.4e7 each, 5 x (13 + 11) s; four more frictions at R = 6 mm, 4 x (9 + 8) s: 11 minutes.
+Quick tier: four seeds at R = 10 mm, 515 x 19 500 = 1.0e7 each, some 3 s a run.
+"""
+
+from __future__ import annotations
+
+from comparisons import dam, dam_checks, dam_figures
+from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
+from comparisons.dam import Dam
+
+BOTH = ("gpudem", "liggghts")
+COARSE = {"quick": 0.010, "standard": 0.006, "full": 0.006}
+SEEDS = {"quick": 4, "standard": 5, "full": 5}
+SWEEP = (0.1, 0.2, 0.4, 0.5)
+BENCH: tuple[Tier, ...] = ("standard", "full")
+GATE_LABELS = {gate: f"gate_{1e3 * gate:.0f}" for gate in dam.GATES}
+TWO_RANKS = {"liggghts": {"ranks": 2}}
+
+
+def variants(tier: Tier) -> list[Variant]:
+    radius = COARSE[tier]
+    opens = 0.3 if tier == "quick" else 0.5
+    out = [
+        Variant(f"seed_{k}", Dam(radius=radius, seed=k, opens=opens).scene())
+        for k in range(1, SEEDS[tier] + 1)
+    ]
+    if tier == "quick":
+        return out
+    out += [Variant(label, Dam(gate=gate).scene(), options=TWO_RANKS) for gate, label in GATE_LABELS.items()]
+    out += [Variant(f"mu_{mu:g}", Dam(radius=radius, friction=mu, flows=0.7).scene()) for mu in SWEEP]
+    if tier == "full":  # 120 000 balls, whole box, true modulus, 1.5 million steps each: a GPU's work
+        out += [
+            Variant(f"whole_{label}", Dam(gate=gate, slice=False).scene(), codes=("gpudem",))
+            for gate, label in GATE_LABELS.items()
+        ]
+    return out
+
+
+def _arrival_off(results: Results, code: str) -> Measured:
+    """How far the time to the far wall lies outside measured .. simulated [s]."""
+    time = dam.arrival(results[GATE_LABELS[0.2], code])
+    off = max(dam.MEASURED_ARRIVAL - time, time - dam.PAPER_ARRIVAL, 0.0)
+    return Measured(off, time, dam.MEASURED_ARRIVAL, note=f"friction {dam.BALL_FRICTION:g}, not fitted")
+
+
+def _energy(results: Results, code: str) -> Measured:
+    rises = {label: dam.energy_rise(run) for label, run in results.of(code)}
+    worst = max(rises, key=rises.__getitem__)
+    return Measured(rises[worst], note=f"{len(rises)} runs, largest in {worst}")
+
+
+def _between() -> list[Check]:
+    """Codes against each other: distributions over seeds, and the single runs of the three gates."""
+    common = {"against": "LIGGGHTS", "mark": "X", "needs": BOTH}
+    test = (
+        "Welch's t for each metric over the seeds of each code, Holm's correction for all of them, level"
+        " 0.01: a flow of grains is chaotic, so only distributions can agree"
+    )
+    checks = [
+        Check(
+            name="smallest p over all metrics, difference between codes against spread within (Welch, Holm)",
+            measure=dam_checks.smallest_p, lo=dam_checks.ALPHA, tolerance=1.0, unit="1", reason=test,
+            catches="any bias of friction, damping, walls or gate beyond the scatter of seeds", **common,
+        ),
+        Check(
+            name="profile at rest: permutation p of L1 distances between codes against within",
+            measure=dam_checks.profile_p, lo=dam_checks.ALPHA, tolerance=1.0, unit="1",
+            reason="all 252 ways to split ten runs; p can fall to 0.008",
+            catches="a pile of another shape whose heights agree on average", tiers=BENCH, **common,
+        ),
+    ]  # fmt: skip
+    for tier, radius in COARSE.items():
+        checks.append(
+            Check(
+                name="heights: largest difference of means that the seeds leave possible (95 %)",
+                measure=lambda results: dam_checks.largest_bound(results, "height"),
+                tolerance=2e3 * radius, unit="mm", tiers=(tier,),
+                reason="one diameter, as in the paper between experiment and simulation",
+                catches="seeds too few or too scattered for the test above to mean anything", **common,
+            )
+        )  # fmt: skip
+    checks += [
+        Check(
+            name="time to the far wall: largest difference of means that the seeds leave possible (95 %)",
+            measure=lambda results: dam_checks.largest_bound(results, "far wall"), tolerance=50, unit="ms",
+            reason="the 50 ms between the paper's simulation and its experiment",
+            catches="seeds too few or too scattered for the test above to mean anything", **common,
+        ),
+        Check(
+            name="centre of mass while the lattice falls and settles, largest distance in 0.1 s / diameter",
+            measure=dam_checks.early, tolerance=1e-9, unit="1",
+            reason="thousands of contacts, but rounding has not yet grown: it takes 0.02 to 0.04 s a decade",
+            catches="a contact missed or made twice, a spring lost at a rebuild, before chaos hides it",
+            **common,
+        ),
+    ]  # fmt: skip
+    for gate, label in GATE_LABELS.items():
+        checks.append(
+            Check(
+                name=f"gate at {1e3 * gate:g} mm: largest height difference, read every 100 mm",
+                measure=lambda results, label=label: dam_checks.gate_heights(results, label),
+                tolerance=1e3 * dam.PAPER_HEIGHT_ERROR, unit="mm", tiers=BENCH,
+                reason="the paper's own largest difference, experiment against simulation: 1.3 diameters",
+                catches="a gate, wall or friction that acts differently at another aspect ratio", **common,
+            )
+        )  # fmt: skip
+    return checks
+
+
+def _published(code: str) -> list[Check]:
+    """One code against the paper, and against the energy balance."""
+    common = {"needs": (code,)}
+    paper = {"against": "Park et al. 2014", "mark": "P", "tiers": BENCH, **common}
+    gates = list(GATE_LABELS.values())
+    return [
+        Check(
+            name=f"kinetic + potential energy: largest rise in the flow / its fall ({code})",
+            measure=lambda results: _energy(results, code), tolerance=2e-3, unit="1", mark="A",
+            against="energy balance",
+            reason="only what contacts store may come back; friction and damping only take",
+            catches="a contact that feeds energy in: a wrong sign, a step too long, a spring kept",
+            **common,
+        ),
+        Check(
+            name=f"time to the far wall: distance from 0.49 s (experiment) .. 0.54 s (paper) ({code})",
+            measure=lambda results: _arrival_off(results, code), tolerance=0.03, unit="s",
+            reason="friction is not printed, the slice has no side walls: half the paper's 0.05 s",
+            catches="a gate that drags, a wall without friction, gravity or density off by 10 %", **paper,
+        ),
+        Check(
+            name=f"ball friction at which the far wall is reached at the measured 0.49 s ({code})",
+            measure=lambda results: dam_checks.friction_for(results, code, dam.MEASURED_ARRIVAL),
+            lo=0.1, tolerance=0.5, unit="1",
+            reason="the range of smooth plastic balls; coarse grains, R = 6 mm",
+            catches="friction that does not act, or acts twice", **paper,
+        ),
+        Check(
+            name=f"settled column: height, largest relative error over the gates ({code})",
+            measure=lambda results: dam_checks.column(results, code, gates), tolerance=0.12, unit="1",
+            reason="a slice three balls deep has no side walls, packs in order, sinks in by 1 %",
+            catches="a wrong number of balls per depth, a wrong radius", **paper,
+        ),
+    ]  # fmt: skip
+
+
+CASE = Case(
+    name="dam_break",
+    title="Dam break of 120 000 balls",
+    purpose=(
+        "The flow that everything leads to: balls of polystyrene behind a gate, 200, 300 or 400 mm from"
+        " the end of an acrylic box, collapse when it goes, run to the far wall and come to rest. It was"
+        " done as an experiment and on a GPU in 2014. No two codes give the same flow grain by grain, so"
+        " they are held against each other over seeds: do they differ by more than each differs from"
+        " itself? Then against the paper: heights every 100 mm within its own 8 mm, first ball at the far"
+        " wall between its measured 0.49 s and its simulated 0.54 s. Friction is not printed there; the"
+        " sweep shows what it decides. The standard tier is a periodic slice three balls deep with Young's"
+        " modulus softened from 3.25 GPa to 5 MPa; the full tier is the whole box as it was."
+    ),
+    source="Park, Jun, Sohn and Lee, Trans. KSME, 2014 (in Korean).",
+    variants=variants,
+    checks=(*_between(), *_published("gpudem"), *_published("liggghts")),
+    figures=(
+        Figure(
+            "Piles at rest, over seeds", "Mean and range over the seeds of each code.",
+            dam_figures.seed_profiles,
+        ),
+        Figure(
+            "The three gates", "R = 3 mm; below, the difference, with the paper's 8 mm.",
+            dam_figures.gate_profiles, tiers=BENCH,
+        ),
+        Figure("Energy and front in time", "Every seed of both codes.", dam_figures.flow),
+        Figure(
+            "How rounding grows",
+            "The codes start equal and part by a factor of ten every 0.02 to 0.04 s: past the dotted line"
+            " single runs soon say nothing, and only distributions can be compared.",
+            dam_figures.rounding,
+            needs=BOTH,
+        ),
+        Figure(
+            "What friction decides", "Time to the far wall; bars: two standard deviations over the seeds.",
+            dam_figures.sweep, tiers=BENCH,
+        ),
+    ),
+    tables=(
+        Table(
+            "Codes against each other",
+            "Mean and standard deviation over seeds; Welch's test, Holm's correction.",
+            dam_figures.metrics_table, needs=BOTH,
+        ),
+        Table(
+            "Before the gate goes", "The settled column, and when the first ball reaches the far wall.",
+            dam_figures.bed_table,
+        ),
+    ),
+    features=(
+        "normal hertz", "damping", "tangential history", "rotation", "gravity", "several materials",
+        "wall plane", "gate", "periodic sides", "lattice packing", "bulk flow",
+    ),
+    order=50,
+)  # fmt: skip
