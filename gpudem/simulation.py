@@ -64,7 +64,7 @@ def run(
         raise
     finally:
         notes |= {"rebuilds": simulation.neighbors.rebuilds, "scene_hash": scene.hash}
-        notes["device_bytes"] = sum(simulation.memory_bytes().values())
+        notes["arrays"] = simulation.memory_bytes()
         result = Run(
             code="gpudem",
             version=_version(),

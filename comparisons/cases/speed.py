@@ -1,0 +1,154 @@
+"""Speed of both codes on the same settled and flowing beds, in turn, in this run; and the recorded bench."""
+
+from __future__ import annotations
+
+import json
+import statistics
+from importlib import resources
+
+import pandas
+
+from comparisons.beds import bench_scene
+from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
+
+BEDS = ("settled", "flowing")
+#: (steps, repeats, core counts): a measurement takes 0.3 s in the quick tier, 3 s in the others.
+PLAN = {"quick": (200, 1, (1,)), "standard": (1500, 3, (1, 2)), "full": (3000, 5, (1, 2))}
+LEAST = 0.8
+
+
+def variants(tier: Tier) -> list[Variant]:
+    steps, repeats, cores = PLAN[tier]
+    return [
+        Variant(
+            f"{bed}_{n}_{repeat}", bench_scene(bed, 1, steps),
+            options={"gpudem": {"threads": n}, "liggghts": {"ranks": n, "use_recorded": False}},
+        )
+        for bed in BEDS for n in cores for repeat in range(repeats)
+    ]  # fmt: skip
+
+
+def ratios(results: Results, bed: str, cores: int) -> list[float]:
+    """Rate of gpudem over that of LIGGGHTS, each repeat."""
+    labels = [label for label in results.labels() if label.startswith(f"{bed}_{cores}_")]
+    both = [lab for lab in labels if {"gpudem", "liggghts"} <= set(results.codes(lab))]
+    return [results[lab, "gpudem"].timing.rate / results[lab, "liggghts"].timing.rate for lab in both]
+
+
+def _check(bed: str, cores: int) -> Check:
+    def measure(results: Results) -> Measured:
+        found = ratios(results, bed, cores)
+        middle = statistics.median(found)
+        return Measured(
+            1 / middle, measured=middle, note=f"{len(found)} repeats, {min(found):.2f} to {max(found):.2f}"
+        )
+
+    return Check(
+        name=f"LIGGGHTS' particle-steps per second / gpudem's, {bed}, {cores} core{'s' if cores > 1 else ''}",
+        measure=measure, tolerance=1 / LEAST, unit="1", against="LIGGGHTS, same bed, same machine, in turn",
+        mark="X", reason=f"gpudem is to reach at least {LEAST} of LIGGGHTS' speed on a CPU in float64",
+        catches="a slow kernel, a list rebuilt too often, time lost between launches",
+        needs=("gpudem", "liggghts"), tiers=("standard", "full"),
+    )  # fmt: skip
+
+
+def table(results: Results) -> pandas.DataFrame:
+    """Median rates and ratio with spread."""
+    rows = []
+    for bed in BEDS:
+        for cores in (1, 2):
+            labels = [lab for lab in results.labels() if lab.startswith(f"{bed}_{cores}_")]
+            found = ratios(results, bed, cores)
+            if not found:
+                continue
+            rate = {
+                code: statistics.median(results[lab, code].timing.rate for lab in labels) / 1e6
+                for code in ("gpudem", "liggghts")
+            }
+            rows.append(
+                (
+                    bed,
+                    cores,
+                    rate["gpudem"],
+                    rate["liggghts"],
+                    statistics.median(found),
+                    min(found),
+                    max(found),
+                )
+            )
+    return pandas.DataFrame(
+        rows,
+        columns=["bed", "cores or ranks", "gpudem [1e6/s]", "LIGGGHTS [1e6/s]", "ratio", "least", "most"],
+    ).round(2)
+
+
+def recorded() -> dict | None:
+    """The last `gpudem bench` that was kept, with its provenance; None if there is none."""
+    path = resources.files("comparisons") / "recorded" / "bench.json"
+    return json.loads(path.read_text()) if path.is_file() else None
+
+
+def recorded_table(results: Results) -> pandas.DataFrame:
+    """The recorded bench: 5000 to 120 000 spheres."""
+    data = recorded()
+    if data is None:
+        return pandas.DataFrame({"note": ["no recorded bench: run  gpudem bench"]})
+    return pandas.DataFrame(data["summary"]).round(2)
+
+
+def _recorded_caption() -> str:
+    data = recorded()
+    if data is None:
+        return "Not recorded yet."
+    p = data["provenance"]
+    return (
+        f"Recorded, not run now: {p['date']}, commit {p['commit']}, {p['hardware']['cpu']},"
+        f" {p['hardware']['cores']} cores. Particle-steps per second of stepping; memory of the whole"
+        " process, of which Python and Warp take about 230 MiB before the first particle."
+    )
+
+
+def draw(results: Results):
+    from comparisons import plots
+
+    groups = [(bed, n) for bed in BEDS for n in (1, 2) if ratios(results, bed, n)]
+    figure, axes = plots.figure(height=3.0)
+    for k, (bed, n) in enumerate(groups):
+        found = ratios(results, bed, n)
+        axes.plot([k] * len(found), found, **plots.style("gpudem", linestyle="none", marker="o", label=None))
+    axes.axhline(1.0, **plots.style("liggghts", marker="", label="LIGGGHTS", linestyle="-"))
+    axes.axhline(LEAST, color="0.5", linestyle=":", label=f"target, {LEAST}")
+    axes.set_xticks(range(len(groups)), [f"{bed}\n{n} core{'s' if n > 1 else ''}" for bed, n in groups])
+    axes.set_xlim(-0.5, len(groups) - 0.5)
+    axes.set_ylim(bottom=0)
+    axes.set_ylabel("gpudem / LIGGGHTS")
+    plots.legend(axes)
+    return figure
+
+
+CASE = Case(
+    name="speed",
+    title="Speed and memory",
+    purpose=(
+        "Particle-steps per second of stepping alone (no start-up, compiling or output), both codes in turn"
+        " on the same bed of 5000 spheres with friction and shear history, float64, on as many cores as the"
+        " other has ranks. Cost per step does not depend on the modulus; cost per simulated second does."
+    ),
+    source="This run; the larger beds from the recorded `gpudem bench`.",
+    variants=variants,
+    checks=tuple(_check(bed, cores) for bed in BEDS for cores in (1, 2)),
+    figures=(
+        Figure(
+            "gpudem's speed over LIGGGHTS'",
+            "One point a repeat; other programs on the machine widen the spread.",
+            draw, needs=("gpudem", "liggghts"),
+        ),
+    ),
+    tables=(
+        Table("Particle-steps per second, measured now", "5000 spheres, median of the repeats.", table,
+              needs=("gpudem", "liggghts")),
+        Table("Recorded bench", _recorded_caption(), recorded_table),
+    ),
+    features=("speed",),
+    order=90,
+)  # fmt: skip
