@@ -118,5 +118,6 @@ if [[ ${stale[*]} != lint ]]; then install_libraries; fi
 if wants test; then install_browser; fi
 extras=$(printf '%s\n' "${stale[@]}" | grep -v '^run$' | paste -sd, || true)
 install_packages "${extras:+[$extras]}"
+if wants test; then stale+=(run); fi # what tests need covers what a run needs
 for part in "${stale[@]}"; do printf '%s' "$key" >".venv/gpudem-$part"; done
 say "done in $((SECONDS - start)) s"
