@@ -197,7 +197,7 @@ def measures(results: Results, label: str, code: str) -> dict[str, float]:
         out["centre of mass x at rest [mm]"] = 1e3 * pile.centre_of_mass(rest["position"], rest["radius"])[0]
         out["centre of mass z at rest [mm]"] = 1e3 * pile.centre_of_mass(rest["position"], rest["radius"])[2]
         out["time to the far wall [ms]"] = 1e3 * arrival(run)
-        out["largest kinetic energy [mJ]"] = 1e3 * float(moving.max())
+        out["largest kinetic energy [mJ]"] = 1e3 * float(np.max(moving))
         return out
 
     return results.once(("measures", label, code), compute)
@@ -210,8 +210,10 @@ def energy_rise(run: Run) -> float:
     first.
     """
     table = run.history[run.history["time"] >= opening(run) + RELEASE]
-    total = (table["kinetic_energy"] + table["rotational_energy"] + table["potential_energy"]).to_numpy()
-    potential = table["potential_energy"].to_numpy()
+    kinetic, spin, potential = (
+        np.asarray(table[f"{k}_energy"]) for k in ("kinetic", "rotational", "potential")
+    )
+    total = kinetic + spin + potential
     return float((total - np.minimum.accumulate(total)).max() / (potential[0] - potential[-1]))
 
 

@@ -127,7 +127,8 @@ def arrivals(results: Results, code: str) -> list[tuple[float, float]]:
     found: dict[float, list[float]] = {}
     for label in [*seeds(results), *seeds(results, "mu_")]:
         run = results[label, code]
-        found.setdefault(run.scene.pair("polystyrene", "polystyrene").friction, []).append(dam.arrival(run))
+        mu = next(p.friction for p in run.scene.pairs if set(p.materials) == {"polystyrene"})
+        found.setdefault(mu, []).append(dam.arrival(run))
     return sorted((mu, float(np.mean(times))) for mu, times in found.items())
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from comparisons import plots
 from comparisons.case import Figure, Results, Table
 from comparisons.impact_checks import CODES, finest, ladder, step_of
 from comparisons.impacts import Meeting, errors, exact, observables, relative_velocity
@@ -25,21 +26,20 @@ def overlay(meetings: list[Meeting], prefix: str = "", component: int = 0, title
     name = ("normal", "tangential")[component]
 
     def draw(results: Results) -> MatplotlibFigure:
-        import matplotlib.pyplot as plt
-
-        figure, (top, low) = plt.subplots(2, 1, figsize=(7.5, 6.5), sharex=True, height_ratios=(3, 2))
+        figure, (top, low) = plots.figure(2, 1, height=5.4, sharex=True, height_ratios=(1.5, 1))
         label = finest(results, prefix)
+        time = results[label, "gpudem"].trace["time"]
         for k, m in enumerate(meetings):
             truth = exact(results, results[label, "gpudem"].scene, m)
             scale, curves = float(np.hypot(truth.speed, truth.slip)), {}
+            since = (time - truth.touch) / truth.contact.duration
             for code in results.codes(label):
                 run = results[label, code]
-                since = (run.trace["time"] - truth.touch) / truth.contact.duration
                 curves[code] = relative_velocity(run, m) @ truth.frame[component] / scale
                 thin = slice(None, None, max(1, len(since) // 25)) if code != "gpudem" else slice(None)
                 style, text = ("-", m.label) if code == "gpudem" else ("o", None)
                 top.plot(since[thin], curves[code][thin], style, color=f"C{k}", ms=3, label=text)
-            at = truth.at(run.trace["time"])["velocity"]
+            at = truth.at(time)["velocity"]
             relative = at[:, 0] - (at[:, 1] if len(m.rows) > 1 else 0)
             late = curves["gpudem"] - relative @ truth.frame[component] / scale
             low.semilogy(since, _floor(late), "--", color=f"C{k}")
@@ -50,7 +50,7 @@ def overlay(meetings: list[Meeting], prefix: str = "", component: int = 0, title
         low.set_xlabel("time since the first touch / contact time")
         low.set_xlim(-0.1, 1.3)
         low.set_title("solid: gpudem - LIGGGHTS, dashed: gpudem - ODE", fontsize=9)
-        top.legend(fontsize=8, ncols=2)
+        plots.legend(top, ncols=2)
         return figure
 
     return Figure(
@@ -69,9 +69,7 @@ def convergence(meetings: list[Meeting], prefix: str = "") -> Figure:
     """Velocity error against the time step, one line per meeting and code, with the observed order."""
 
     def draw(results: Results) -> MatplotlibFigure:
-        import matplotlib.pyplot as plt
-
-        figure, axes = plt.subplots(figsize=(7, 5))
+        figure, axes = plots.figure(height=4.2)
         for k, m in enumerate(meetings):
             for code in results.codes():
                 rows = _ladder(results, prefix, code, m)
@@ -79,7 +77,7 @@ def convergence(meetings: list[Meeting], prefix: str = "") -> Figure:
                 line, text = ("-", f"{m.label}: order {slope:.2f}") if code == "gpudem" else ("o", None)
                 axes.loglog(rows[:, 0], rows[:, 2], line, color=f"C{k}", label=text, mfc="none")
         axes.set(xlabel="time step [s]", ylabel="largest velocity error / impact speed")
-        axes.legend(fontsize=8)
+        plots.legend(axes)
         return figure
 
     return Figure(
@@ -94,15 +92,11 @@ def work_precision(meetings: list[Meeting], prefix: str = "") -> Figure:
     """Velocity error, largest over the meetings, against the seconds spent stepping."""
 
     def draw(results: Results) -> MatplotlibFigure:
-        import matplotlib.pyplot as plt
-
-        figure, axes = plt.subplots(figsize=(7, 5))
-        for k, code in enumerate(results.codes()):
+        series = {}
+        for code in results.codes():
             rows = np.max([_ladder(results, prefix, code, m) for m in meetings], axis=0)
-            axes.loglog(rows[:, 1], rows[:, 2], "o-", color=f"C{k}", label=code)
-        axes.set(xlabel="stepping time [s]", ylabel="largest velocity error / impact speed")
-        axes.legend()
-        return figure
+            series[code] = (rows[:, 1], rows[:, 2])
+        return plots.work_precision(series, ylabel="largest velocity error / impact speed")
 
     return Figure(
         "Error against stepping time",

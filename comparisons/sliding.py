@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from comparisons import plots
 from comparisons.case import Check, Figure, Measured, Results, Table
 from comparisons.impact_checks import CODES, finest
 from comparisons.impacts import Meeting, exact, relative_velocity
@@ -81,9 +82,7 @@ def rebound_map(meetings: list[Meeting], options: dict[str, tuple[bool, bool]]) 
     """
 
     def draw(results: Results) -> MatplotlibFigure:
-        import matplotlib.pyplot as plt
-
-        figure, axes = plt.subplots(figsize=(7.5, 5))
+        figure, axes = plots.figure(width=plots.WHOLE, height=4.2)
         slips = np.geomspace(0.02, 3.2, 25)
         color = 0
         for prefix, (limit, dashpot) in options.items():
@@ -113,7 +112,7 @@ def rebound_map(meetings: list[Meeting], options: dict[str, tuple[bool, bool]]) 
                 color += 1
         axes.axhline(1, color="0.6", lw=1, ls=":")
         axes.set(xlabel="slip speed / (mu v_n)", ylabel="velocity lost / (mu (1 + e) v_n)")
-        axes.legend(fontsize=8)
+        plots.legend(axes)
         return figure
 
     return Figure(
@@ -140,7 +139,7 @@ def rebound_table(meetings: list[Meeting], prefixes: tuple[str, ...]) -> Table:
                 truth = exact(results, results[label, results.codes(label)[0]].scene, m)
                 final, first = truth.contact.final, truth.contact.state(0.0)
                 phases = " ".join(p.mode for p in truth.contact.phases)
-                row = {"options": prefix, "impact": m.label, "phases": phases}
+                row: dict[str, str | float] = {"options": prefix, "impact": m.label, "phases": phases}
                 row["ODE: velocity change [m/s]"] = final[3] - first[3]
                 row["ODE: spin change [rad/s]"] = final[4] - first[4]
                 for code in results.codes(label):

@@ -8,12 +8,14 @@ Quick tier: four seeds at R = 10 mm, 515 x 19 500 = 1.0e7 each, some 3 s a run.
 
 from __future__ import annotations
 
+from typing import Any
+
 from comparisons import dam, dam_checks, dam_figures
 from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.dam import Dam
 
 BOTH = ("gpudem", "liggghts")
-COARSE = {"quick": 0.010, "standard": 0.006, "full": 0.006}
+COARSE: dict[Tier, float] = {"quick": 0.010, "standard": 0.006, "full": 0.006}
 SEEDS = {"quick": 4, "standard": 5, "full": 5}
 SWEEP = (0.1, 0.2, 0.4, 0.5)
 BENCH: tuple[Tier, ...] = ("standard", "full")
@@ -55,7 +57,7 @@ def _energy(results: Results, code: str) -> Measured:
 
 def _between() -> list[Check]:
     """Codes against each other: distributions over seeds, and the single runs of the three gates."""
-    common = {"against": "LIGGGHTS", "mark": "X", "needs": BOTH}
+    common: dict[str, Any] = {"against": "LIGGGHTS", "mark": "X", "needs": BOTH}
     test = (
         "Welch's t for each metric over the seeds of each code, Holm's correction for all of them, level"
         " 0.01: a flow of grains is chaotic, so only distributions can agree"
@@ -113,8 +115,8 @@ def _between() -> list[Check]:
 
 def _published(code: str) -> list[Check]:
     """One code against the paper, and against the energy balance."""
-    common = {"needs": (code,)}
-    paper = {"against": "Park et al. 2014", "mark": "P", "tiers": BENCH, **common}
+    common: dict[str, Any] = {"needs": (code,)}
+    paper: dict[str, Any] = {"against": "Park et al. 2014", "mark": "P", "tiers": BENCH, **common}
     gates = list(GATE_LABELS.values())
     return [
         Check(

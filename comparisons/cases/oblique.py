@@ -72,7 +72,7 @@ def _particles() -> Explicit:
         normal = np.array([0.0, 0.0, 1.0])
         place = np.array([SPACING * k, 0.0, RADIUS])
         wall = throw.partner_spin is None
-        if not wall:  # tilt normal and tangent together: nothing stays along an axis
+        if throw.partner_spin is not None:  # tilt normal and tangent together: nothing stays along an axis
             tilt = 0.4 + 0.5 * k
             normal, tangent = (
                 math.cos(tilt) * normal + math.sin(tilt) * tangent,
@@ -88,7 +88,7 @@ def _particles() -> Explicit:
         if not wall:
             partner = place - (RADIUS + PARTNER_RADIUS) * normal
             away = (share - 1.0) * velocity
-            spin = throw.partner_spin / PARTNER_RADIUS * axis
+            spin = (throw.partner_spin or 0.0) / PARTNER_RADIUS * axis
             rows.append((partner - FLIGHT * away, away, spin, PARTNER_RADIUS, name))
     position, velocity, spin, radius, material = zip(*rows, strict=True)
     return Explicit(

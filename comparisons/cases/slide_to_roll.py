@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from comparisons import plots
 from comparisons.case import Case, Check, Figure, Measured, Results, Table, Variant
 from comparisons.impact_checks import CODES
 from comparisons.metrics.trace import largest_difference
@@ -129,9 +130,7 @@ def between(results: Results, column: str) -> Measured:
 
 
 def _figure(results: Results) -> MatplotlibFigure:
-    import matplotlib.pyplot as plt
-
-    figure, (top, low) = plt.subplots(2, 1, figsize=(7.5, 6.5), sharex=True, height_ratios=(3, 2))
+    figure, (top, low) = plots.figure(2, 1, height=5.4, sharex=True, height_ratios=(1.5, 1))
     for k, (u, _, mu) in enumerate(THROWS):
         time = results[EXACT, results.codes()[0]].trace["time"]
         exact = np.array([closed_forms.slide_to_roll(t, u, mu, GRAVITY, RADIUS) for t in time])
@@ -150,7 +149,7 @@ def _figure(results: Results) -> MatplotlibFigure:
     top.set_ylabel("velocity (full), R x spin (pale) [m/s]")
     low.set(ylabel="difference [m/s]", xlabel="time [s]")
     low.set_title("solid: gpudem - LIGGGHTS, dashed: gpudem - closed form", fontsize=9)
-    top.legend(fontsize=8)
+    plots.legend(top)
     return figure
 
 

@@ -11,7 +11,7 @@ TOUCH_GAP = 0.01
 
 def _pairs(position: np.ndarray, radius: np.ndarray, period: float | None) -> np.ndarray:
     """Rows of touching pairs (pairs, 2), with y periodic of length `period` [m] or not."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     reach = 2 * float(radius.max()) * (1 + TOUCH_GAP)
     shifted = position - position.min(axis=0)
@@ -19,7 +19,7 @@ def _pairs(position: np.ndarray, radius: np.ndarray, period: float | None) -> np
     if period:
         box[1] = period
         shifted[:, 1] = position[:, 1] % period
-    pairs = cKDTree(shifted, boxsize=box).query_pairs(reach, output_type="ndarray")
+    pairs = KDTree(shifted, boxsize=box).query_pairs(reach, output_type="ndarray")
     d = shifted[pairs[:, 0]] - shifted[pairs[:, 1]]
     if period:
         d[:, 1] -= period * np.round(d[:, 1] / period)

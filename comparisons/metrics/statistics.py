@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from scipy import stats
@@ -31,7 +32,9 @@ class Comparison:
         return abs(self.difference) + self.half_width
 
 
-def welch(a: np.ndarray, b: np.ndarray, level: float = 0.95) -> Comparison:
+def welch(
+    a: Sequence[float] | np.ndarray, b: Sequence[float] | np.ndarray, level: float = 0.95
+) -> Comparison:
     """Means of two samples by Welch's t (unequal variances), with its confidence interval.
 
     Why not a permutation test: with five seeds a side its smallest p is 2/252, which no correction for
@@ -53,7 +56,7 @@ def welch(a: np.ndarray, b: np.ndarray, level: float = 0.95) -> Comparison:
     return Comparison(mean, spread, difference, half, p)
 
 
-def holm(p: np.ndarray) -> np.ndarray:
+def holm(p: Sequence[float] | np.ndarray) -> np.ndarray:
     """P values corrected for their number (Holm 1979): the k-th smallest times (m - k), never falling, at
     most 1.
 

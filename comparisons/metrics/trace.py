@@ -4,6 +4,8 @@ observed order.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 
@@ -75,7 +77,7 @@ def rebound(velocity: np.ndarray, normal: np.ndarray, base: np.ndarray | float =
     return float(-(relative[-1] @ normal) / (relative[0] @ normal))
 
 
-def observed_order(step: np.ndarray, error: np.ndarray) -> float:
+def observed_order(step: Sequence[float] | np.ndarray, error: Sequence[float] | np.ndarray) -> float:
     """Slope of log(error) against log(step) by least squares: the observed order of convergence.
 
     Needs at least three steps, so that one lucky rung does not make the slope. Raises ValueError otherwise.

@@ -149,23 +149,28 @@ def _derivative(c: Bodies, law: Law, mode: str, sign: float) -> Callable[[float,
     return derivative
 
 
-def _event(function: Callable[[np.ndarray], float], direction: int, terminal: bool = True):
-    def event(_t: float, y: np.ndarray) -> float:
-        return function(y)
+@dataclasses.dataclass
+class Event:
+    """A function of the state with the attributes that solve_ivp looks for."""
 
-    event.direction, event.terminal = direction, terminal
-    return event
+    function: Callable[[np.ndarray], float]
+    direction: int
+    terminal: bool = True
+
+    def __call__(self, _t: float, y: np.ndarray) -> float:
+        """Value at a state."""
+        return self.function(y)
 
 
-def _events(c: Bodies, law: Law, mode: str, sign: float, pulls: bool) -> dict[str, Callable]:
+def _events(c: Bodies, law: Law, mode: str, sign: float, pulls: bool) -> dict[str, Event]:
     events = {
-        "apart": _event(lambda y: instant(c, y).overlap, -1),
-        "peak": _event(lambda y: instant(c, y).parting, +1, terminal=False),
+        "apart": Event(lambda y: instant(c, y).overlap, -1),
+        "peak": Event(lambda y: instant(c, y).parting, +1, terminal=False),
     }
     if law.limit_force and c.damping_ratio:
-        events["apart"] = _event(lambda y: instant(c, y).raw, -1)
+        events["apart"] = Event(lambda y: instant(c, y).raw, -1)
     elif mode == "slip" and c.damping_ratio and not pulls:
-        events["tension"] = _event(lambda y: instant(c, y).raw, -1)
+        events["tension"] = Event(lambda y: instant(c, y).raw, -1)
 
     def excess(y: np.ndarray) -> float:
         now = instant(c, y)
@@ -178,9 +183,9 @@ def _events(c: Bodies, law: Law, mode: str, sign: float, pulls: bool) -> dict[st
         return (sign * now.slip - limit_rate(c, now)) * max(now.overlap, 0.0) ** 1.25
 
     if mode == "stick":
-        events["slips"] = _event(excess, +1)
+        events["slips"] = Event(excess, +1)
     elif mode == "slip":
-        events["grips"] = _event(grip, -1)
+        events["grips"] = Event(grip, -1)
     return events
 
 
