@@ -26,7 +26,9 @@ def overlay(meetings: list[Meeting], prefix: str = "", component: int = 0, title
     name = ("normal", "tangential")[component]
 
     def draw(results: Results) -> MatplotlibFigure:
-        figure, (top, low) = plots.figure(2, 1, height=5.4, sharex=True, height_ratios=(1.5, 1))
+        figure, (top, low) = plots.figure(
+            2, 1, width=plots.WHOLE, height=5.4, sharex=True, height_ratios=(1.5, 1)
+        )
         label = finest(results, prefix)
         time = results[label, "gpudem"].trace["time"]
         for k, m in enumerate(meetings):
@@ -38,13 +40,13 @@ def overlay(meetings: list[Meeting], prefix: str = "", component: int = 0, title
                 curves[code] = relative_velocity(run, m) @ truth.frame[component] / scale
                 thin = slice(None, None, max(1, len(since) // 25)) if code != "gpudem" else slice(None)
                 style, text = ("-", m.label) if code == "gpudem" else ("o", None)
-                top.plot(since[thin], curves[code][thin], style, color=f"C{k}", ms=3, label=text)
+                top.plot(since[thin], curves[code][thin], style, color=plots.SERIES[k], ms=3, label=text)
             at = truth.at(time)["velocity"]
             relative = at[:, 0] - (at[:, 1] if len(m.rows) > 1 else 0)
             late = curves["gpudem"] - relative @ truth.frame[component] / scale
-            low.semilogy(since, _floor(late), "--", color=f"C{k}")
+            low.semilogy(since, _floor(late), "--", color=plots.SERIES[k])
             if len(curves) > 1:
-                low.semilogy(since, _floor(curves["gpudem"] - curves["liggghts"]), "-", color=f"C{k}")
+                low.semilogy(since, _floor(curves["gpudem"] - curves["liggghts"]), "-", color=plots.SERIES[k])
         top.set_ylabel(f"{name} velocity / impact speed")
         low.set_ylabel("difference")
         low.set_xlabel("time since the first touch / contact time")
@@ -75,7 +77,7 @@ def convergence(meetings: list[Meeting], prefix: str = "") -> Figure:
                 rows = _ladder(results, prefix, code, m)
                 slope = measure.observed_order(rows[:, 0], rows[:, 2])
                 line, text = ("-", f"{m.label}: order {slope:.2f}") if code == "gpudem" else ("o", None)
-                axes.loglog(rows[:, 0], rows[:, 2], line, color=f"C{k}", label=text, mfc="none")
+                axes.loglog(rows[:, 0], rows[:, 2], line, color=plots.SERIES[k], label=text, mfc="none")
         axes.set(xlabel="time step [s]", ylabel="largest velocity error / impact speed")
         plots.legend(axes)
         return figure

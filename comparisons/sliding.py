@@ -97,7 +97,10 @@ def rebound_map(meetings: list[Meeting], options: dict[str, tuple[bool, bool]]) 
                 key = ("map", prefix, e)
                 lost = results.once(key, lambda t=truth, law=law: _curve(t, law, slips))
                 axes.semilogx(
-                    slips / unit, lost / (unit * (1 + e)), color=f"C{color}", label=f"{prefix}, e = {e:g}"
+                    slips / unit,
+                    lost / (unit * (1 + e)),
+                    color=plots.SERIES[color],
+                    label=f"{prefix}, e = {e:g}",
                 )
                 for code, mark in zip(CODES, ("x", "o"), strict=True):
                     if code not in results.codes(label):
@@ -107,7 +110,7 @@ def rebound_map(meetings: list[Meeting], options: dict[str, tuple[bool, bool]]) 
                     ]
                     where = [t.slip / unit for _, t in group]
                     axes.semilogx(
-                        where, points, mark, color=f"C{color}", mfc="none", ms=9 if mark == "o" else 6
+                        where, points, mark, color=plots.SERIES[color], mfc="none", ms=9 if mark == "o" else 6
                     )
                 color += 1
         axes.axhline(1, color="0.6", lw=1, ls=":")

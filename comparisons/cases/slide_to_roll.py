@@ -139,13 +139,13 @@ def _figure(results: Results) -> MatplotlibFigure:
             thin = slice(None) if code == "gpudem" else slice(None, None, 60)
             style = "-" if code == "gpudem" else "o"
             label = f"u0 = {u:g} m/s, mu = {mu:g}" if code == "gpudem" else None
-            top.plot(time[thin], speed[thin], style, color=f"C{k}", ms=4, label=label)
-            top.plot(time[thin], surface[thin], style, color=f"C{k}", ms=4, mfc="none", alpha=0.5)
+            top.plot(time[thin], speed[thin], style, color=plots.SERIES[k], ms=4, label=label)
+            top.plot(time[thin], surface[thin], style, color=plots.SERIES[k], ms=4, mfc="none", alpha=0.5)
         first = next(iter(curves.values()))
-        low.semilogy(time, np.maximum(np.abs(first[0] - exact[:, 0]), 1e-18), "--", color=f"C{k}")
+        low.semilogy(time, np.maximum(np.abs(first[0] - exact[:, 0]), 1e-18), "--", color=plots.SERIES[k])
         if len(curves) > 1:
             gap = np.abs(curves["gpudem"][0] - curves["liggghts"][0])
-            low.semilogy(time, np.maximum(gap, 1e-18), "-", color=f"C{k}")
+            low.semilogy(time, np.maximum(gap, 1e-18), "-", color=plots.SERIES[k])
     top.set_ylabel("velocity (full), R x spin (pale) [m/s]")
     low.set(ylabel="difference [m/s]", xlabel="time [s]")
     low.set_title("solid: gpudem - LIGGGHTS, dashed: gpudem - closed form", fontsize=9)
