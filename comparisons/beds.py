@@ -84,7 +84,7 @@ def make() -> None:
         simulation.write_step()
         frame = simulation.frame()
         columns = {k: frame[k] for k in ("position", "velocity", "angular_velocity")}
-        np.savez_compressed(DATA / f"bed_{state}.npz", **columns)
+        np.savez_compressed(DATA / f"bed_{state}.npz", **columns)  # pyright: ignore[reportArgumentType]
         particles = {"source": "explicit", "material": "polystyrene", "radius": RADIUS, **columns}
         scene = bed_scene("bed", particles, gate=False, duration=FLOW)
 

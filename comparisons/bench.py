@@ -125,8 +125,8 @@ def command(
 
     rows: list[Row] = []
     out.parent.mkdir(parents=True, exist_ok=True)
-    split = [[int(v) for v in text.split(",")] for text in (sizes, cores)]
-    for row in measurements(*split, repeats, device, precision.split(","), budget):
+    counts, core_counts = ([int(v) for v in text.split(",")] for text in (sizes, cores))
+    for row in measurements(counts, core_counts, repeats, device, precision.split(","), budget):
         rows.append(row)
         click.echo(
             f"{row.particles:>8} {row.state:8} {row.cores} core{'s' if row.cores > 1 else ' '} {row.code:9}"

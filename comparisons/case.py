@@ -1,4 +1,4 @@
-"""Cases as data: Case = scenes + checks + figures + prose; Check = measure, against whom, tolerance, reason."""
+"""Cases as data: Case = scenes + checks + figures + prose; Check = measure, tolerance, reason."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 Tier = Literal["quick", "standard", "full"]
 TIERS: tuple[Tier, ...] = ("quick", "standard", "full")
 
-#: What a check is held against: Analytical (closed form, ODE, invariance), Published data, cross-code (X), Regression.
+#: Held against: Analytical (closed form, ODE, invariance), Published data, cross-code (X), Regression.
 Mark = Literal["A", "P", "X", "R"]
 
 #: Where a figure or table stands in the report: with its case, or in a section that collects from all cases.

@@ -118,7 +118,8 @@ class _Clock:
     def __init__(self, progress: Callable[[int], None] | None):
         self.stepping_s = self.output_s = 0.0
         self._progress, self._reported = progress, 0.0
-        self._begin, self._attribute, self._simulation = 0.0, "", None
+        self._begin, self._attribute = 0.0, ""
+        self._simulation: Simulation | None = None
 
     def stepping(self, simulation: Simulation) -> _Clock:
         self._attribute, self._simulation = "stepping_s", simulation
@@ -132,7 +133,7 @@ class _Clock:
         self._begin = time.perf_counter()
 
     def __exit__(self, *error: object) -> None:
-        if self._attribute == "stepping_s" and self._simulation.device.is_cuda:
+        if self._simulation and self._simulation.device.is_cuda:
             warp.synchronize_device(self._simulation.device)
         now = time.perf_counter()
         setattr(self, self._attribute, getattr(self, self._attribute) + now - self._begin)
