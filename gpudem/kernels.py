@@ -55,24 +55,39 @@ def step_kernel(spec: Spec) -> Any:
     real, vec3 = t.real, t.vec3
     Params, Motion, Particles, Walls, Full = t.Params, t.Motion, t.Particles, t.Walls, t.Full
     Contact = contact_struct(real)
-    law = contact_law(spec.normal, spec.tangential, spec.rolling, spec.limit_force)
+    law = contact_law(spec.normal, spec.tangential, spec.rolling, spec.limit_force, spec.path)
     nearest = nearest_image(spec.periodic, spec.precision)
 
     @wp.func
-    def pair_contact(
-        d: vec3, rsq: real, v_rel: vec3, wi: vec3, wj: vec3, ri: real, rj: real, mi: real, mj: real
-    ):
+    def set_motion(c: Contact, v: vec3, v_ahead: vec3, dt: real):
+        """Velocities of the contact point, i against j: half a step behind and ahead; dt = 0 at set-up."""
+        mean = v
+        if wp.static(spec.path):
+            mean = real(0.5) * (v + v_ahead)
+        c.normal_velocity = wp.dot(mean, c.normal)
+        c.tangential_velocity = mean - c.normal_velocity * c.normal
+        c.slide = dt * c.tangential_velocity
+        if wp.static(spec.path):
+            closing = -wp.dot(v, c.normal)
+            closing_ahead = -wp.dot(v_ahead, c.normal)
+            c.before = wp.max(c.overlap - real(0.5) * dt * closing, real(0.0))
+            c.after = wp.max(c.overlap + real(0.5) * dt * closing_ahead, real(0.0))
+            share = real(1.0)
+            if c.overlap <= dt * closing:  # first step of the contact: all that came before belongs to it
+                c.before = real(0.0)
+                share = c.overlap / (dt * closing)
+            if c.overlap + dt * closing_ahead <= real(0.0):  # last step: likewise
+                c.after = real(0.0)
+            c.slide = (share * dt) * (v + closing * c.normal)
+        return c
+
+    @wp.func
+    def pair_contact(d: vec3, rsq: real, ri: real, rj: real, mi: real, mj: real):
         r = wp.sqrt(rsq)
         c = Contact()
         c.normal = d * (real(1.0) / r)
         c.overlap = ri + rj - r
-        c.normal_velocity = wp.dot(v_rel, c.normal)
-        c.tangential_velocity = v_rel - c.normal_velocity * c.normal
         c.lever = ri - real(0.5) * c.overlap
-        if wp.static(spec.rotation):
-            lever_j = rj - real(0.5) * c.overlap
-            c.tangential_velocity -= wp.cross(c.lever * wi + lever_j * wj, c.normal)
-            c.spin = wi - wj
         if wp.static(spec.several_radii):
             c.radius_eff = ri * rj / (ri + rj)
         else:
@@ -84,19 +99,21 @@ def step_kernel(spec: Spec) -> Any:
         return c
 
     @wp.func
-    def wall_contact(distance: real, normal: vec3, v: vec3, w: vec3, radius: real, mass: real):
+    def wall_contact(distance: real, normal: vec3, radius: real, mass: real):
         c = Contact()
         c.normal = normal
         c.overlap = radius - distance
-        c.normal_velocity = wp.dot(v, normal)
-        c.tangential_velocity = v - c.normal_velocity * normal
         c.lever = radius - real(0.5) * c.overlap
-        if wp.static(spec.rotation):
-            c.tangential_velocity -= wp.cross(c.lever * w, normal)
-            c.spin = (c.lever / distance) * w
         c.radius_eff = radius
         c.mass_eff = mass
         return c
+
+    @wp.func
+    def turned(c: Contact, v: vec3, wi: vec3, wj: vec3, lever_j: real):
+        """Velocity of the contact point from that of the centres and the spins."""
+        if wp.static(spec.rotation):
+            return v - wp.cross(c.lever * wi + lever_j * wj, c.normal)
+        return v
 
     @wp.kernel(module="unique", enable_backward=False)
     def step(
@@ -132,9 +149,16 @@ def step_kernel(spec: Spec) -> Any:
         material = wp.int32(0)
         if wp.static(spec.several_materials):
             material = particles.material[i]
-        dt_spring = params.dt
+        dt = params.dt
         if mode & SETUP:
-            dt_spring = real(0.0)
+            dt = real(0.0)
+        v_ahead = v
+        w_ahead = w
+        if wp.static(spec.path):
+            if not (mode & SETUP):
+                v_ahead = now.velocity_ahead[i]
+                if wp.static(spec.rotation):
+                    w_ahead = now.angular_velocity_ahead[i]
 
         force = vec3()
         torque = vec3()
@@ -157,10 +181,22 @@ def step_kernel(spec: Spec) -> Any:
                 mass_j = params.mass
                 if wp.static(spec.several_masses):
                     mass_j = particles.mass[j]
+                c = pair_contact(d, rsq, radius, radius_j, mass, mass_j)
+                lever_j = radius_j - real(0.5) * c.overlap
+                v_j = now.velocity[j]
                 w_j = vec3()
                 if wp.static(spec.rotation):
                     w_j = now.angular_velocity[j]
-                c = pair_contact(d, rsq, v - now.velocity[j], w, w_j, radius, radius_j, mass, mass_j)
+                    c.spin = w - w_j
+                behind = turned(c, v - v_j, w, w_j, lever_j)
+                ahead = behind
+                if wp.static(spec.path):
+                    if not (mode & SETUP):
+                        v_j = now.velocity_ahead[j]
+                        if wp.static(spec.rotation):
+                            w_j = now.angular_velocity_ahead[j]
+                        ahead = turned(c, v_ahead - v_j, w_ahead, w_j, lever_j)
+                c = set_motion(c, behind, ahead, dt)
                 pair = params.pair
                 if wp.static(spec.several_materials):
                     pair = particles.pairs[material * params.materials + particles.material[j]]
@@ -168,7 +204,7 @@ def step_kernel(spec: Spec) -> Any:
                 if wp.static(spec.history):
                     if entry < 0:
                         spring = particles.spring[k]
-                f, tq, spring_new = law(c, pair, spring, dt_spring)
+                f, tq, spring_new = law(c, pair, spring, dt)
                 force += f
                 torque += tq
                 contacts += 1
@@ -196,14 +232,16 @@ def step_kernel(spec: Spec) -> Any:
                 normal = walls.normal[k]
                 distance = plane_distance(x, normal, walls.offset[k])
                 if distance <= radius:
-                    c = wall_contact(distance, normal, v, w, radius, mass)
+                    c = wall_contact(distance, normal, radius, mass)
+                    if wp.static(spec.rotation):
+                        c.spin = (c.lever / distance) * w
+                    behind = turned(c, v, w, vec3(), real(0.0))
+                    c = set_motion(c, behind, turned(c, v_ahead, w_ahead, vec3(), real(0.0)), dt)
                     spring = vec3()
                     if wp.static(spec.history):
                         if touched & (1 << k):
                             spring = particles.wall_spring[k * params.n + i]
-                    f, tq, spring_new = law(
-                        c, walls.pairs[k * params.materials + material], spring, dt_spring
-                    )
+                    f, tq, spring_new = law(c, walls.pairs[k * params.materials + material], spring, dt)
                     force += f
                     torque += tq
                     contacts += 2  # a contact with a particle is counted from both sides
@@ -241,7 +279,12 @@ def step_kernel(spec: Spec) -> Any:
         after.velocity[i] = v
         after.position[i] = x
         if wp.static(spec.rotation):
-            after.angular_velocity[i] = w + spin_kick * torque
+            w = w + spin_kick * torque
+            after.angular_velocity[i] = w
+        if wp.static(spec.path):
+            after.velocity_ahead[i] = v + real(2.0) * kick * force
+            if wp.static(spec.rotation):
+                after.angular_velocity_ahead[i] = w + real(2.0) * spin_kick * torque
         shift = x - particles.built_at[i]
         if not (wp.dot(shift, shift) <= params.move_limit):  # true for NaN too
             particles.moved[launch + 1] = 1

@@ -110,7 +110,7 @@ class NeighborList:
             device=state.device,
         )
         self._run("gather")
-        for name in ("position", "velocity", *(("angular_velocity",) if state.spec.rotation else ())):
+        for name in state.motion_arrays:
             wp.copy(getattr(state.now, name), getattr(state.scratch, name))
         for name in self._moved_arrays:
             wp.copy(getattr(p, name), getattr(self.scratch, name))

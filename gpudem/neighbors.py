@@ -129,6 +129,10 @@ def gather_kernel(spec: Spec) -> Any:
         moved_particles.id[i] = particles.id[o]
         if wp.static(spec.rotation):
             moved.angular_velocity[i] = now.angular_velocity[o]
+        if wp.static(spec.path):
+            moved.velocity_ahead[i] = now.velocity_ahead[o]
+        if wp.static(spec.path and spec.rotation):
+            moved.angular_velocity_ahead[i] = now.angular_velocity_ahead[o]
         if wp.static(spec.several_radii):
             moved_particles.radius[i] = particles.radius[o]
         if wp.static(spec.several_masses):

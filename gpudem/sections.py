@@ -167,9 +167,12 @@ class Output(Model):
 
 
 class Solver(Model):
-    """How it is computed, where that changes the result."""
+    """How gpudem computes it, where that changes the result. LIGGGHTS is always float64 and `half_step`."""
 
     precision: Literal["float64", "float32"] = "float64"
+    integrator: Literal["half_step", "path"] = "half_step"
+    """`half_step`: damping sees half-step velocities, as in LIGGGHTS; first order in the step where there is
+    damping. `path`: damping acts by its exact integral along the path of the overlap; second order."""
     skin: Annotated[float, positive("m")] | None = None
     """Neighbour-list skin [m]; default 0.3 of the largest radius."""
 

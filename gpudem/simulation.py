@@ -26,6 +26,7 @@ def run(
     device: str = "cpu",
     threads: int | None = None,
     precision: str | None = None,
+    integrator: str | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Run:
     """Simulate a scene; with a directory, frames and tables are written there as it goes.
@@ -36,6 +37,7 @@ def run(
         device: Warp device, "cpu" or "cuda:0".
         threads: CPU threads; default: one for each core, fewer for few particles.
         precision: Overrides the scene's.
+        integrator: Overrides the scene's.
         progress: Called with the number of steps done, a few times a second.
 
     Returns:
@@ -45,8 +47,9 @@ def run(
         SimulationError: lost particle, NaN; frames already written stay.
         GpudemError: directory cannot be written.
     """
-    if precision is not None and precision != scene.solver.precision:
-        scene = scene.replace(solver={"precision": precision})
+    overrides = {"precision": precision, "integrator": integrator}
+    if any(overrides.values()):
+        scene = scene.replace(solver={k: v for k, v in overrides.items() if v})
     path = None if directory is None else Path(directory)
     recorder = Recorder(scene, path)
     begin = time.perf_counter()

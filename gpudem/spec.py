@@ -17,6 +17,8 @@ class Spec:
     """"off", "no_history" or "history"."""
     rolling: str = "off"
     limit_force: bool = False
+    integrator: str = "half_step"
+    """"half_step" or "path"."""
     rotation: bool = False
     gravity: bool = False
     walls: bool = False
@@ -34,6 +36,8 @@ class Spec:
             tangential=scene.contact.tangential if needs.tangential else "off",
             rolling=scene.contact.rolling if needs.rolling else "off",
             limit_force=scene.contact.limit_force,
+            # without damping or friction no force depends on velocity: the integrators are one
+            integrator=scene.solver.integrator if needs.damping or needs.tangential else "half_step",
             rotation=needs.rotation,
             gravity=needs.gravity,
             walls=needs.walls,
@@ -41,6 +45,11 @@ class Spec:
             several_materials=needs.several_materials,
             several_radii=needs.several_radii,
         )
+
+    @property
+    def path(self) -> bool:
+        """Velocities predicted half a step ahead are kept beside those half a step behind."""
+        return self.integrator == "path"
 
     @property
     def history(self) -> bool:

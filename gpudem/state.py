@@ -47,6 +47,8 @@ def structs(precision: str) -> SimpleNamespace:
         position: wp.array[vec3]  # [m], (n,)
         velocity: wp.array[vec3]  # [m/s], (n,), half a step behind the positions
         angular_velocity: wp.array[vec3]  # [rad/s], (n,), likewise
+        velocity_ahead: wp.array[vec3]  # predicted half a step ahead [m/s], (n,); integrator "path" alone
+        angular_velocity_ahead: wp.array[vec3]  # [rad/s], (n,), likewise
 
     @wp.struct
     class Particles:
@@ -105,8 +107,13 @@ class State:
         def motion() -> Any:
             m = t.Motion()
             m.position, m.velocity, m.angular_velocity = vectors(), vectors(), vectors(n, spec.rotation)
+            m.velocity_ahead = vectors(n, spec.path)
+            m.angular_velocity_ahead = vectors(n, spec.path and spec.rotation)
             return m
 
+        self.motion_arrays = ["position", "velocity", *(["angular_velocity"] * spec.rotation)]
+        self.motion_arrays += ["velocity_ahead"] * spec.path
+        self.motion_arrays += ["angular_velocity_ahead"] * (spec.path and spec.rotation)
         self.now, self.next, self.scratch = motion(), motion(), motion()
         self.now.position.assign(initial.position)
         self.now.velocity.assign(initial.velocity)

@@ -49,4 +49,30 @@ def hooke(c: Any, p: Any):
     return k, k, p.c_normal * d, p.c_tangential * d
 
 
+@wp.func
+def hertz_damping_work(c: Any, p: Any, overlap: Any):
+    """Integral of c_n over the overlap from 0 [N s], for `hertz`: 4/5 c_n overlap."""
+    q = wp.sqrt(c.radius_eff * overlap)
+    return type(overlap)(0.8) * p.c_normal * wp.sqrt(q * c.mass_eff) * overlap
+
+
+@wp.func
+def hertz_stiffness_damping_work(c: Any, p: Any, overlap: Any):
+    """Integral of c_n over the overlap from 0 [N s], for `hertz/stiffness`: 2/3 c_n overlap."""
+    q = wp.sqrt(c.radius_eff * overlap)
+    return p.c_normal * q * c.mass_eff * overlap / type(overlap)(1.5)
+
+
+@wp.func
+def hooke_damping_work(c: Any, p: Any, overlap: Any):
+    """Integral of c_n over the overlap from 0 [N s], for `hooke`: c_n overlap."""
+    _kn, _kt, cn, _ct = hooke(c, p)
+    return cn * overlap
+
+
 NORMAL = {"hertz": hertz, "hertz/stiffness": hertz_stiffness, "hooke": hooke}
+DAMPING_WORK = {
+    "hertz": hertz_damping_work,
+    "hertz/stiffness": hertz_stiffness_damping_work,
+    "hooke": hooke_damping_work,
+}

@@ -6,17 +6,17 @@ import warp as wp
 
 
 @wp.func
-def history(c: Any, p: Any, kt: Any, ct: Any, fn: Any, spring: Any, dt: Any):
+def history(c: Any, p: Any, kt: Any, ct: Any, fn: Any, spring: Any):
     """Spring with memory and Coulomb slip (LIGGGHTS `history`).
 
-        s += v_t dt;  s -= (s.n) n           projected on the present tangent plane, length not restored
+        s += slide;  s -= (s.n) n            slide = v_t dt; projected on the present plane, not stretched
         slip,  k_t |s| > mu |F_n|:           F_t = -mu |F_n| s/|s|,  s = -F_t/k_t,  no dashpot
         stick, else:                         F_t = -k_t s - c_t v_t  (the dashpot is not capped)
 
-    F_n counts with its damping part. With dt = 0 the spring is only evaluated (set-up of a run).
+    F_n counts with its damping part. With no slide the spring is only evaluated (set-up of a run).
     Source: LIGGGHTS manual, gran_tangential_history; Cundall & Strack, Geotechnique 29 (1979) 47.
     """
-    s = spring + dt * c.tangential_velocity
+    s = spring + c.slide
     s = s - wp.dot(s, c.normal) * c.normal
     limit = p.friction * wp.abs(fn)
     trial_squared = kt * kt * wp.dot(s, s)
@@ -27,7 +27,7 @@ def history(c: Any, p: Any, kt: Any, ct: Any, fn: Any, spring: Any, dt: Any):
 
 
 @wp.func
-def no_history(c: Any, p: Any, kt: Any, ct: Any, fn: Any, spring: Any, dt: Any):
+def no_history(c: Any, p: Any, kt: Any, ct: Any, fn: Any, spring: Any):
     """Viscous friction without memory, F_t = -min(c_t, mu |F_n|/|v_t|) v_t (LIGGGHTS `no_history`)."""
     speed = wp.length(c.tangential_velocity)
     coefficient = ct

@@ -19,9 +19,12 @@ def contact_struct(real: Any) -> Any:
         normal: vec3  # n, from j to i
         normal_velocity: real  # (v_i - v_j).n [m/s], > 0 separating
         tangential_velocity: vec3  # of the contact point, i against j [m/s]
+        slide: vec3  # displacement of the contact point in the tangent plane over the last step [m]
         spin: vec3  # w_i - w_j [rad/s]; at a wall w_i lever/(R - overlap)
         radius_eff: real  # R* = R_i R_j/(R_i + R_j) [m]; at a wall R_i
         mass_eff: real  # m* = m_i m_j/(m_i + m_j) [kg]; at a wall m_i
+        before: real  # overlap half a step before, at least 0 [m]; integrator "path" alone
+        after: real  # overlap half a step ahead, at least 0 [m]; likewise
         lever: real  # R_i - overlap/2 [m], from the centre of i to the contact point
 
     return Contact
