@@ -38,7 +38,7 @@ IN_FLOW = 0.3
 #: Time after the gate goes [s] in which the bed gives back what its contacts stored.
 RELEASE = 0.05
 #: Time from the start [s] over which the codes must agree: thousands of contacts, before rounding has grown.
-EARLY = 0.1
+EARLY = 0.07
 
 
 def printed_restitution(factor: float, mass: float, radius: float, young: float, poisson: float) -> float:

@@ -125,8 +125,8 @@ def metrics_table(results: Results) -> pandas.DataFrame:
         "spread ",
         "difference",
         "+- (95 %)",
-        "p",
-        "p (Holm)",
+        "p (Welch)",
+        "p (corrected)",
     ]
     return pandas.DataFrame(rows, columns=columns)
 

@@ -1,9 +1,9 @@
 """Balls behind a gate in an acrylic box; the gate goes, they collapse (Park, Jun, Sohn and Lee 2014).
 
 Standard tier, on two cores at some 7e6 (LIGGGHTS, 2 ranks) and 5e6 (gpudem) particle-steps a second: three
-gates at R = 3 mm, 5 724 balls x 75 000 steps = 4.3e8 each, 3 x (62 + 86) s; five seeds at R = 6 mm,
-1 431 x 37 500 = 5.4e7 each, 5 x (13 + 11) s; four more frictions at R = 6 mm, 4 x (9 + 8) s: 11 minutes.
-Quick tier: four seeds at R = 10 mm, 515 x 19 500 = 1.0e7 each, some 3 s a run.
+gates at R = 3 mm, 5 724 balls x 75 000 steps = 4.3e8 each, 3 x (62 + 86) s; eight seeds at R = 6 mm,
+1 431 x 37 500 = 5.4e7 each, 8 x (12 + 11) s; four more frictions at R = 6 mm, 4 x (9 + 8) s: 12 minutes.
+Quick tier: five seeds at R = 10 mm, 515 x 19 500 = 1.0e7 each, some 3 s a run.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from comparisons.dam import Dam
 
 BOTH = ("gpudem", "liggghts")
 COARSE: dict[Tier, float] = {"quick": 0.010, "standard": 0.006, "full": 0.006}
-SEEDS = {"quick": 4, "standard": 5, "full": 5}
+SEEDS = {"quick": 5, "standard": 8, "full": 8}
 SWEEP = (0.1, 0.2, 0.4, 0.5)
 BENCH: tuple[Tier, ...] = ("standard", "full")
 GATE_LABELS = {gate: f"gate_{1e3 * gate:.0f}" for gate in dam.GATES}
@@ -59,19 +59,20 @@ def _between() -> list[Check]:
     """Codes against each other: distributions over seeds, and the single runs of the three gates."""
     common: dict[str, Any] = {"against": "LIGGGHTS", "mark": "X", "needs": BOTH}
     test = (
-        "Welch's t for each metric over the seeds of each code, Holm's correction for all of them, level"
-        " 0.01: a flow of grains is chaotic, so only distributions can agree"
+        "exact permutation of the largest standardised gap over all metrics (Westfall and Young), level"
+        " 0.01: a flow of grains is chaotic, so only distributions can agree; it corrects for the number"
+        " of metrics and assumes no distribution, since heights come in layers"
     )
     checks = [
         Check(
-            name="smallest p over all metrics, difference between codes against spread within (Welch, Holm)",
+            name="smallest corrected p over all metrics: difference between codes against spread within",
             measure=dam_checks.smallest_p, lo=dam_checks.ALPHA, tolerance=1.0, unit="1", reason=test,
             catches="any bias of friction, damping, walls or gate beyond the scatter of seeds", **common,
         ),
         Check(
             name="profile at rest: permutation p of L1 distances between codes against within",
             measure=dam_checks.profile_p, lo=dam_checks.ALPHA, tolerance=1.0, unit="1",
-            reason="all 252 ways to split ten runs; p can fall to 0.008",
+            reason="all 12 870 ways to split sixteen runs",
             catches="a pile of another shape whose heights agree on average", tiers=BENCH, **common,
         ),
     ]  # fmt: skip
@@ -93,9 +94,9 @@ def _between() -> list[Check]:
             catches="seeds too few or too scattered for the test above to mean anything", **common,
         ),
         Check(
-            name="centre of mass while the lattice falls and settles, largest distance in 0.1 s / diameter",
-            measure=dam_checks.early, tolerance=1e-9, unit="1",
-            reason="thousands of contacts, but rounding has not yet grown: it takes 0.02 to 0.04 s a decade",
+            name="centre of mass while the lattice falls and settles, largest distance in 0.07 s / diameter",
+            measure=dam_checks.early, tolerance=1e-10, unit="1",
+            reason="a thousand contacts, but rounding has hardly grown: 0.01 to 0.03 s a decade",
             catches="a contact missed or made twice, a spring lost at a rebuild, before chaos hides it",
             **common,
         ),
@@ -190,7 +191,8 @@ CASE = Case(
     tables=(
         Table(
             "Codes against each other",
-            "Mean and standard deviation over seeds; Welch's test, Holm's correction.",
+            "Mean and standard deviation over seeds; p of Welch's test, and corrected for all metrics by"
+            " permutation.",
             dam_figures.metrics_table, needs=BOTH,
         ),
         Table(

@@ -5,6 +5,7 @@ once?
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -37,9 +38,8 @@ def welch(
 ) -> Comparison:
     """Means of two samples by Welch's t (unequal variances), with its confidence interval.
 
-    Why not a permutation test: with five seeds a side its smallest p is 2/252, which no correction for
-    eight metrics lets reach 0.05; it could never fail. Raises ValueError for fewer than three values or a
-    NaN.
+    For the interval; the verdict on equality over several metrics is `largest_gap`. Raises ValueError for
+    fewer than three values or a NaN.
     """
     a, b = np.asarray(a, float), np.asarray(b, float)
     if min(len(a), len(b)) < 3 or not (np.isfinite(a).all() and np.isfinite(b).all()):
@@ -56,15 +56,27 @@ def welch(
     return Comparison(mean, spread, difference, half, p)
 
 
-def holm(p: Sequence[float] | np.ndarray) -> np.ndarray:
-    """P values corrected for their number (Holm 1979): the k-th smallest times (m - k), never falling, at
-    most 1.
+def largest_gap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Corrected p (m,) of m metrics from samples a (n, m) and b (n, m): permutation of the largest gap.
 
-    With it, the chance that any of m true null hypotheses is rejected at level alpha stays below alpha.
+    The gap of a metric is |mean a - mean b| over the standard deviation of all 2n values. Labels are
+    exchanged in all ways that split the 2n runs in two halves; p of a metric is the share of splits whose
+    largest gap over *all* metrics reaches its own (Westfall and Young 1993, single step). It assumes no
+    distribution, keeps the metrics' correlation, and is exact: the chance that any p falls to alpha, where
+    the codes do not differ, is at most alpha. The smallest p is 2/binomial(2n, n): 0.008 for five runs a
+    side. Raises ValueError where that could not fall below 0.01, beyond 10 runs a side (one would sample
+    the splits) or for a NaN.
     """
-    p = np.asarray(p, float)
-    order = np.argsort(p)
-    stepped = np.maximum.accumulate(p[order] * (len(p) - np.arange(len(p))))
-    corrected = np.empty_like(p)
-    corrected[order] = np.minimum(stepped, 1.0)
-    return corrected
+    a, b = np.asarray(a, float), np.asarray(b, float)
+    n = len(a)
+    if a.shape != b.shape or not 5 <= n <= 10 or not np.isfinite([a, b]).all():
+        raise ValueError(f"needs 5 to 10 finite values a side, equally many; got {a.shape} and {b.shape}")
+    pool = np.vstack([a, b])
+    spread = pool.std(axis=0)
+    scaled = (pool - pool.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
+    splits = np.array(list(itertools.combinations(range(2 * n), n)))
+    member = np.zeros((len(splits), 2 * n))
+    np.put_along_axis(member, splits, 1.0, axis=1)
+    gaps = 2 / n * np.abs(member @ scaled)  # means of halves of a centred pool are opposite
+    observed = 2 / n * np.abs(scaled[:n].sum(axis=0))
+    return (gaps.max(axis=1)[:, None] >= observed - 1e-12).mean(axis=0)
