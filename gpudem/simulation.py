@@ -77,7 +77,7 @@ def run(
                 particles=simulation.state.n,
                 steps=simulation.step_count,
                 stepping_s=clock.stepping_s,
-                setup_s=setup_s,
+                setup_s=setup_s + clock.setup_s,
                 compile_s=simulation.compile_s,
                 output_s=clock.output_s,
                 device=str(simulation.device),
@@ -98,7 +98,7 @@ def run(
 def _segments(simulation: Simulation, recorder: Recorder, clock: _Clock) -> None:
     """Between gate removals: set-up, then steps up to each output, the last one with full-step velocities."""
     for first, last, planes in simulation.scene.segments:
-        with clock.stepping(simulation):
+        with clock.setup(simulation):
             simulation.start(planes, write=first == 0)
         if first == 0 and recorder.due(0):
             with clock.output():
@@ -116,13 +116,17 @@ def _segments(simulation: Simulation, recorder: Recorder, clock: _Clock) -> None
 
 
 class _Clock:
-    """Adds up stepping and output time, and reports progress a few times a second."""
+    """Adds up set-up (of each segment), stepping and output time; reports progress a few times a second."""
 
     def __init__(self, progress: Callable[[int], None] | None):
-        self.stepping_s = self.output_s = 0.0
+        self.setup_s = self.stepping_s = self.output_s = 0.0
         self._progress, self._reported = progress, 0.0
         self._begin, self._attribute = 0.0, ""
         self._simulation: Simulation | None = None
+
+    def setup(self, simulation: Simulation) -> _Clock:
+        self._attribute, self._simulation = "setup_s", simulation
+        return self
 
     def stepping(self, simulation: Simulation) -> _Clock:
         self._attribute, self._simulation = "stepping_s", simulation
