@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from gpudem.contact.law import contact_law
+from gpudem.contact.law import contact_law, damping_force
 from gpudem.contact.types import contact_struct
 from gpudem.spec import Spec
 from gpudem.state import structs
@@ -54,8 +54,10 @@ def step_kernel(spec: Spec) -> Any:
     t = structs(spec.precision)
     real, vec3 = t.real, t.vec3
     Params, Motion, Particles, Walls, Full = t.Params, t.Motion, t.Particles, t.Walls, t.Full
+    Pair = t.Pair
     Contact = contact_struct(real)
     law = contact_law(spec.normal, spec.tangential, spec.rolling, spec.limit_force, spec.path)
+    edge_law = damping_force(spec.normal, spec.limit_force)
     nearest = nearest_image(spec.periodic, spec.precision)
 
     @wp.func
@@ -73,13 +75,18 @@ def step_kernel(spec: Spec) -> Any:
             c.before = wp.max(c.overlap - real(0.5) * dt * closing, real(0.0))
             c.after = wp.max(c.overlap + real(0.5) * dt * closing_ahead, real(0.0))
             share = real(1.0)
-            if c.overlap <= dt * closing:  # first step of the contact: all that came before belongs to it
-                c.before = real(0.0)
+            if c.overlap <= dt * closing:  # first step of the contact: it slides from the touch on
                 share = c.overlap / (dt * closing)
-            if c.overlap + dt * closing_ahead <= real(0.0):  # last step: likewise
-                c.after = real(0.0)
             c.slide = (share * dt) * (v + closing * c.normal)
         return c
+
+    @wp.func
+    def edge(c: Contact, pair: Pair, dt: real):
+        """Force of a pair apart now that touches within half a step before or ahead."""
+        force = vec3()
+        if c.before > real(0.0) or c.after > real(0.0):
+            force = edge_law(c, pair, dt) * c.normal
+        return force
 
     @wp.func
     def pair_contact(d: vec3, rsq: real, ri: real, rj: real, mi: real, mj: real):
@@ -168,7 +175,7 @@ def step_kernel(spec: Spec) -> Any:
         for k in range(particles.start[i], particles.start[i + 1]):
             entry = particles.neighbor[k]
             j = entry
-            if wp.static(spec.history):
+            if wp.static(spec.memory):
                 if entry < 0:
                     j = -entry - 1
             d = nearest(x - now.position[j], params.size)
@@ -201,27 +208,45 @@ def step_kernel(spec: Spec) -> Any:
                 if wp.static(spec.several_materials):
                     pair = particles.pairs[material * params.materials + particles.material[j]]
                 spring = vec3()
-                if wp.static(spec.history):
-                    if entry < 0:
+                kept = vec3()
+                if entry < 0:
+                    if wp.static(spec.history):
                         spring = particles.spring[k]
-                f, tq, spring_new = law(c, pair, spring, dt)
+                    if wp.static(spec.rolling_history):
+                        kept = particles.rolling[k]
+                f, tq, spring_new, kept_new = law(c, pair, spring, kept, dt, params.dt)
                 force += f
                 torque += tq
                 contacts += 1
-                if wp.static(spec.history):
+                if wp.static(spec.memory):
                     if not (mode & SETUP):
-                        particles.spring[k] = spring_new
+                        if wp.static(spec.history):
+                            particles.spring[k] = spring_new
+                        if wp.static(spec.rolling_history):
+                            particles.rolling[k] = kept_new
                         particles.neighbor[k] = -j - 1
             else:
-                if wp.static(spec.history):
+                if wp.static(spec.memory):
                     if entry < 0:
                         particles.neighbor[k] = j
+                if wp.static(spec.path):  # may touch within half a step before or ahead
+                    reach += real(0.5) * params.skin
+                    if rsq < reach * reach and not (mode & SETUP):
+                        mass_j = params.mass
+                        if wp.static(spec.several_masses):
+                            mass_j = particles.mass[j]
+                        c = pair_contact(d, rsq, radius, radius_j, mass, mass_j)
+                        c = set_motion(c, v - now.velocity[j], v_ahead - now.velocity_ahead[j], dt)
+                        pair = params.pair
+                        if wp.static(spec.several_materials):
+                            pair = particles.pairs[material * params.materials + particles.material[j]]
+                        force += edge(c, pair, dt)
 
         # walls
         if wp.static(spec.walls):
             touch = wp.int32(0)
             touched = wp.int32(0)
-            if wp.static(spec.history):
+            if wp.static(spec.memory):
                 touched = particles.wall_touch[i]
             near = particles.wall_near[i]
             for k in range(params.planes):
@@ -238,18 +263,30 @@ def step_kernel(spec: Spec) -> Any:
                     behind = turned(c, v, w, vec3(), real(0.0))
                     c = set_motion(c, behind, turned(c, v_ahead, w_ahead, vec3(), real(0.0)), dt)
                     spring = vec3()
-                    if wp.static(spec.history):
-                        if touched & (1 << k):
+                    kept = vec3()
+                    if touched & (1 << k):
+                        if wp.static(spec.history):
                             spring = particles.wall_spring[k * params.n + i]
-                    f, tq, spring_new = law(c, walls.pairs[k * params.materials + material], spring, dt)
+                        if wp.static(spec.rolling_history):
+                            kept = particles.wall_rolling[k * params.n + i]
+                    f, tq, spring_new, kept_new = law(
+                        c, walls.pairs[k * params.materials + material], spring, kept, dt, params.dt
+                    )
                     force += f
                     torque += tq
                     contacts += 2  # a contact with a particle is counted from both sides
-                    if wp.static(spec.history):
+                    if wp.static(spec.memory):
                         if not (mode & SETUP):
-                            particles.wall_spring[k * params.n + i] = spring_new
+                            if wp.static(spec.history):
+                                particles.wall_spring[k * params.n + i] = spring_new
+                            if wp.static(spec.rolling_history):
+                                particles.wall_rolling[k * params.n + i] = kept_new
                             touch = touch | (1 << k)
-            if wp.static(spec.history):
+                elif wp.static(spec.path):
+                    if not (mode & SETUP):
+                        c = set_motion(wall_contact(distance, normal, radius, mass), v, v_ahead, dt)
+                        force += edge(c, walls.pairs[k * params.materials + material], dt)
+            if wp.static(spec.memory):
                 if touch != touched and not (mode & SETUP):
                     particles.wall_touch[i] = touch
 

@@ -60,8 +60,11 @@ class NeighborList:
         self._moved_arrays += ["radius"] * spec.several_radii + ["mass"] * spec.several_masses
         self._moved_arrays += ["material"] * spec.several_materials
         self._moved_arrays += ["wall_near"] * bool(state.planes)
-        if spec.history and state.planes:
-            self._moved_arrays += ["wall_touch", "wall_spring"]
+        if spec.memory and state.planes:
+            self._moved_arrays += ["wall_touch", *(["wall_spring"] * spec.history)]
+            self._moved_arrays += ["wall_rolling"] * spec.rolling_history
+        self._kept = [*(["spring"] * spec.history), *(["rolling"] * spec.rolling_history)]
+        self.spring = self.rolling = None
         for name in self._moved_arrays:
             setattr(self.scratch, name, wp.zeros_like(getattr(state.particles, name)))
         self.kernels = {
@@ -76,18 +79,20 @@ class NeighborList:
         self._allocate(16 * n)
 
     def _allocate(self, capacity: int) -> None:
-        state, spec = self.state, self.state.spec
+        state = self.state
         p, device = state.particles, state.device
         if p.neighbor is None or self.rebuilds == 0:
             p.neighbor = wp.zeros(capacity, dtype=wp.int32, device=device)
-            p.spring = wp.zeros(capacity, dtype=state.types.vec3, device=device) if spec.history else None
+            for name in self._kept:
+                setattr(p, name, wp.zeros(capacity, dtype=state.types.vec3, device=device))
         else:  # keep what the old list holds: its springs are still to be carried over
-            for name in ("neighbor", "spring") if spec.history else ("neighbor",):
+            for name in ("neighbor", *self._kept):
                 grown = wp.zeros(capacity, dtype=getattr(p, name).dtype, device=device)
                 wp.copy(grown, getattr(p, name), count=self.capacity)
                 setattr(p, name, grown)
         self.neighbor = wp.zeros(capacity, dtype=wp.int32, device=device)
-        self.spring = wp.zeros(capacity, dtype=state.types.vec3, device=device) if spec.history else None
+        for name in self._kept:
+            setattr(self, name, wp.zeros(capacity, dtype=state.types.vec3, device=device))
         self.capacity = capacity
         self._commands.clear()
         self.grew()
@@ -123,8 +128,8 @@ class NeighborList:
         self._run("fill")
         wp.copy(p.start, self.start)
         wp.copy(p.neighbor, self.neighbor)
-        if state.spec.history:
-            wp.copy(p.spring, self.spring)
+        for name in self._kept:
+            wp.copy(getattr(p, name), getattr(self, name))
         wp.copy(p.built_at, state.now.position)
         p.moved.zero_()
         self.rebuilds += 1
@@ -138,8 +143,8 @@ class NeighborList:
             inputs, outputs = {
                 "cells": ([p, now], [self.key, self.order, self.status]),
                 "gather": ([self.order, self.walls, now, p], [self.inverse, scratch, self.scratch]),
-                "count": ([*listing, self.count, self.hits], [None, None]),
-                "fill": ([*listing, self.start, self.hits], [self.neighbor, self.spring]),
+                "count": ([*listing, self.count, self.hits], [None, None, None]),
+                "fill": ([*listing, self.start, self.hits], [self.neighbor, self.spring, self.rolling]),
             }[name]
             self._commands[name, parity] = self.crew.command(self.kernels[name], self.params, inputs, outputs)
         self._commands[name, parity]()

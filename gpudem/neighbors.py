@@ -104,7 +104,7 @@ def gather_kernel(spec: Spec) -> Any:
     """Copies the particle arrays into scratch arrays in the new order; marks the planes near a particle."""
     t = structs(spec.precision)
     Params, Motion, Particles, Walls = t.Params, t.Motion, t.Particles, t.Walls
-    walls_with_history = spec.walls and spec.history
+    walls_with_memory = spec.walls and spec.memory
 
     @wp.kernel(module="unique", enable_backward=False)
     def gather(
@@ -148,12 +148,16 @@ def gather_kernel(spec: Spec) -> Any:
                 if plane_distance(now.position[o], walls.normal[k], walls.offset[k]) < reach + params.skin:
                     near = near | (1 << k)
             moved_particles.wall_near[i] = near
-        if wp.static(walls_with_history):
+        if wp.static(walls_with_memory):
             touch = particles.wall_touch[o]
             moved_particles.wall_touch[i] = touch
             for k in range(params.planes):
                 if touch & (1 << k):
-                    moved_particles.wall_spring[k * params.n + i] = particles.wall_spring[k * params.n + o]
+                    here, there = k * params.n + i, k * params.n + o
+                    if wp.static(spec.history):
+                        moved_particles.wall_spring[here] = particles.wall_spring[there]
+                    if wp.static(spec.rolling_history):
+                        moved_particles.wall_rolling[here] = particles.wall_rolling[there]
 
     return gather
 
@@ -186,7 +190,7 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
     Params, Motion, Particles = t.Params, t.Motion, t.Particles
     nearest = nearest_image(spec.periodic, spec.precision)
     px, py, pz = spec.periodic
-    carry = fill and spec.history
+    carry = fill and spec.memory
 
     @wp.func
     def near(i: wp.int32, j: wp.int32, x: t.vec3, y: t.vec3, size: t.vec3, limit: t.real):
@@ -211,6 +215,7 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
         # out
         neighbor: wp.array[wp.int32],
         spring: wp.array[t.vec3],
+        rolling: wp.array[t.vec3],
     ):
         i = begin + wp.tid()
         x = now.position[i]
@@ -269,6 +274,9 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
                     for m in range(first, first + count):
                         if neighbor[m] == j:
                             neighbor[m] = -j - 1
-                            spring[m] = particles.spring[k]
+                            if wp.static(spec.history):
+                                spring[m] = particles.spring[k]
+                            if wp.static(spec.rolling_history):
+                                rolling[m] = particles.rolling[k]
 
     return build

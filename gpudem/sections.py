@@ -52,7 +52,7 @@ class Contact(Model):
 
     normal: Literal["hertz", "hertz/stiffness", "hooke"] = "hertz"
     tangential: Literal["off", "no_history", "history"] = "history"
-    rolling: Literal["off", "cdt"] = "off"
+    rolling: Literal["off", "cdt", "epsd2"] = "off"
     limit_force: StrictBool = False
     """Clip the normal force at zero (no attraction late in a rebound)."""
     tangential_damping: StrictBool = True

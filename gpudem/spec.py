@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+from gpudem.contact.rolling import KEEPS_TORQUE
 from gpudem.scene import Scene
 
 
@@ -55,6 +56,16 @@ class Spec:
     def history(self) -> bool:
         """Shear springs are kept from step to step."""
         return self.tangential == "history"
+
+    @property
+    def rolling_history(self) -> bool:
+        """Rolling torques are kept from step to step."""
+        return self.rolling in KEEPS_TORQUE
+
+    @property
+    def memory(self) -> bool:
+        """Anything is kept of a contact from step to step, so that lists and walls remember who touched."""
+        return self.history or self.rolling_history
 
     @property
     def several_masses(self) -> bool:

@@ -59,10 +59,12 @@ def structs(precision: str) -> SimpleNamespace:
         wall_near: wp.array[wp.int32]  # bit k: plane k within reach until the next rebuild, (n,)
         wall_touch: wp.array[wp.int32]  # bit k: plane k touched in the last step, (n,)
         wall_spring: wp.array[vec3]  # [m], (m n,), plane by plane
+        wall_rolling: wp.array[vec3]  # rolling torque kept [N m], (m n,), plane by plane
         built_at: wp.array[vec3]  # position at the last rebuild [m], (n,)
         start: wp.array[wp.int32]  # first list entry of each particle, (n + 1,)
         neighbor: wp.array[wp.int32]  # j, or -j - 1 where it touched in the last step, (capacity,)
         spring: wp.array[vec3]  # shear spring of each entry [m], (capacity,)
+        rolling: wp.array[vec3]  # rolling torque kept of each entry [N m], (capacity,)
         pairs: wp.array[Pair]  # coefficients by material pair, (materials^2,)
         moved: wp.array[wp.int32]  # k + 1: launch k moved somebody beyond skin/2, (chunk + 1,)
 
@@ -133,9 +135,10 @@ class State:
             p.material = wp.array(material, device=device)
         if self.planes:
             p.wall_near = wp.zeros(n, dtype=wp.int32, device=device)
-        if spec.history and self.planes:
+        if spec.memory and self.planes:
             p.wall_touch = wp.zeros(n, dtype=wp.int32, device=device)
-            p.wall_spring = vectors(n * self.planes)
+            p.wall_spring = vectors(n * self.planes, spec.history)
+            p.wall_rolling = vectors(n * self.planes, spec.rolling_history)
         p.built_at = vectors()
         p.start = wp.zeros(n + 1, dtype=wp.int32, device=device)
         p.moved = wp.zeros(chunk + 1, dtype=wp.int32, device=device)

@@ -12,10 +12,11 @@ from gpudem.contact.tangential import TANGENTIAL
 
 @functools.cache
 def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, path: bool) -> Any:
-    """A function (contact, pair, spring, dt) -> (force on i [N], torque on i [N m], spring [m]).
+    """A function (contact, pair, spring, kept, dt, step) -> (force on i [N], torque [N m], spring, kept).
 
-    Slots that are "off" leave no code. Antisymmetric in i and j, so that both sides of a contact
-    computed apart give opposite forces.
+    `spring` [m] is that of the tangential law, `kept` [N m] the torque of a rolling law in `KEEPS_TORQUE`;
+    dt is 0 at set-up, `step` the time step always. Slots that are "off" leave no code. Antisymmetric in i
+    and j, so that both sides of a contact computed apart give opposite forces.
 
     With `path` and dt > 0 the damping force is its mean over the step from `before` to `after`,
     (W(after) - W(before))/dt with W the integral of c_n over the overlap: exact for that path, also where
@@ -27,7 +28,7 @@ def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, p
     rolling_law = ROLLING.get(rolling)
 
     @wp.func
-    def law(c: Any, p: Any, spring: Any, dt: Any):
+    def law(c: Any, p: Any, spring: Any, kept: Any, dt: Any, step: Any):
         kn, kt, cn, ct = wp.static(normal_law)(c, p)
         damping = -cn * c.normal_velocity
         if wp.static(path):
@@ -48,8 +49,30 @@ def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, p
             torque = -c.lever * wp.cross(c.normal, ft)
         else:
             spring_new = spring
+        rolling_torque = type(c.normal)()
         if wp.static(rolling_law is not None):
-            torque = torque - wp.static(rolling_law)(c, p, kn)
-        return force, torque, spring_new
+            rolling_torque = wp.static(rolling_law)(c, p, kn, kt, fn, kept, step)
+            torque = torque - rolling_torque
+        return force, torque, spring_new, rolling_torque
 
     return law
+
+
+@functools.cache
+def damping_force(normal: str, limit_force: bool) -> Any:
+    """A function (contact, pair, dt) -> mean damping force [N] over the step from `before` to `after`.
+
+    For pairs apart at the step itself, whose path reaches into contact half a step before or ahead: the
+    windows of consecutive steps join, so nothing of the damping's integral is lost or counted twice.
+    """
+    damping_work = DAMPING_WORK[normal]
+
+    @wp.func
+    def force(c: Any, p: Any, dt: Any):
+        work = wp.static(damping_work)(c, p, c.after) - wp.static(damping_work)(c, p, c.before)
+        fn = work / dt
+        if wp.static(limit_force):
+            fn = wp.max(fn, type(fn)(0.0))
+        return fn
+
+    return force

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from gpudem.scene import Scene
 from gpudem.simulation import run
 from gpudem.solver import Simulation
 from gpudem.state import masses
-from tests.gpudem.beds import falling_bed, gas
+from tests.gpudem.beds import PAIRS, falling_bed, gas
 
 
 def final(scene: Scene, **options) -> dict[str, np.ndarray]:
@@ -56,6 +57,38 @@ def test_skin_is_only_rounding():
     a = final(falling_bed(1500, time=short, walls=falling_bed().walls[:1]))
     b = final(falling_bed(1500, time=short, walls=falling_bed().walls[:1], solver={"skin": 0.0004}))
     assert np.abs(a["position"] - b["position"]).max() < 1e-9
+
+
+def test_skin_is_only_rounding_with_rolling_torques():
+    """Catches rolling torques lost or swapped at a rebuild, in a bed and at walls."""
+    rolls = [{**p, "rolling_friction": 0.2} for p in PAIRS]
+    more = {"pairs": rolls, "contact": {"rolling": "epsd2"}, "walls": falling_bed().walls[:1]}
+    short = {"step": 2e-5, "duration": 0.03}
+    a = final(falling_bed(300, time=short, **more))
+    b = final(falling_bed(300, time=short, solver={"skin": 0.0004}, **more))
+    assert np.abs(a["angular_velocity"] - b["angular_velocity"]).max() < 1e-6
+    assert np.abs(a["angular_velocity"]).max() > 1.0
+
+
+def test_rotation_of_a_free_cluster():
+    """Catches an axis treated apart from the others: a cell, a component, a nearest image."""
+    turn = Rotation.from_rotvec([0.7, -0.4, 1.1]).as_matrix()
+    rng = np.random.default_rng(5)
+    position = rng.permutation([[i, j, k] for i in range(2) for j in range(2) for k in range(2)]) * 0.0058
+    velocity, spin = rng.normal(0, 0.3, (8, 3)), rng.normal(0, 30, (8, 3))
+
+    def cluster(q: np.ndarray) -> dict[str, np.ndarray]:
+        listed = {"source": "explicit", "material": "ball", "radius": 0.003}
+        return final_free(falling_bed(8, walls=[], gravity=(0, 0, 0), time={"step": 2e-6, "duration": 2e-3},
+            particles=listed | {"position": position @ q.T + 0.02, "velocity": velocity @ q.T,
+                                "angular_velocity": spin @ q.T},
+            domain={"lo": (-0.1,) * 3, "hi": (0.1,) * 3}))  # fmt: skip
+
+    plain, turned = cluster(np.eye(3)), cluster(turn)
+    for column in ("velocity", "angular_velocity"):
+        scale = np.abs(plain[column]).max()
+        assert np.abs(plain[column] @ turn.T - turned[column]).max() < 1e-9 * scale, column
+    assert np.abs(plain["velocity"] - velocity).max() > 0.1
 
 
 def test_momentum_of_an_elastic_gas():

@@ -29,6 +29,19 @@ def test_frictionless_gas_has_no_spin_spring_or_wall():
     assert {"particles.radius", "particles.mass"} <= names
 
 
+def test_rolling_torques_are_kept_only_for_epsd2():
+    """Without friction too: then the torque is kept and no shear spring is there."""
+    kept = {"particles.rolling", "particles.wall_rolling"}
+    springs = {"particles.spring", "particles.wall_spring"}
+    rolls = [{**p, "rolling_friction": 0.1} for p in PAIRS]
+    slides = [{**p, "friction": 0.0} for p in rolls]
+    assert not kept & arrays(falling_bed(50, pairs=rolls, contact={"rolling": "cdt"}))
+    assert kept | springs <= arrays(falling_bed(50, pairs=rolls, contact={"rolling": "epsd2"}))
+    alone = arrays(falling_bed(50, pairs=slides, contact={"rolling": "epsd2"}))
+    assert kept <= alone
+    assert not springs & alone
+
+
 def test_friction_that_cannot_act_counts_for_nothing():
     """A frictional pair of materials that never meet brings no friction."""
     pairs = [{**PAIRS[0], "friction": 0.0}, {**PAIRS[1], "friction": 0.0},

@@ -38,6 +38,8 @@ class Contacts:
     pair: list[Pair]
     spring: np.ndarray
     """Tangential displacement s of i against j [m], shape (rows, 3)."""
+    rolling: np.ndarray
+    """Rolling torque kept by `epsd2` [N m], shape (rows, 3)."""
 
     def of(self, name: str) -> np.ndarray:
         """A pair property, one value per row."""
@@ -105,7 +107,7 @@ def _contacts(scene: Scene, i, j, plane: Plane | None) -> Contacts:
         young=1 / ((1 - nu[a] ** 2) / e[a] + (1 - nu[b] ** 2) / e[b]),
         shear=1 / (2 * (2 - nu[a]) * (1 + nu[a]) / e[a] + 2 * (2 - nu[b]) * (1 + nu[b]) / e[b]),
         pair=[scene.pair(names[p], names[q]) for p, q in zip(a, b, strict=True)],
-        spring=np.zeros((len(i), 3)),
+        spring=np.zeros((len(i), 3)), rolling=np.zeros((len(i), 3)),
     )  # fmt: skip
 
 
@@ -159,6 +161,7 @@ def _add_contacts(scene: Scene, c: Contacts, x, v, w, f, t, update: bool) -> Non
     n, overlap = _geometry(scene, c, x)
     touching = overlap > 0
     c.spring[~touching] = 0.0
+    c.rolling[~touching] = 0.0
     if not touching.any():
         return
     kn, kt, cn, ct = (k[touching] for k in _coefficients(scene, c, np.maximum(overlap, 0.0)))
@@ -176,7 +179,14 @@ def _add_contacts(scene: Scene, c: Contacts, x, v, w, f, t, update: bool) -> Non
     vt = relative - vn[:, None] * n - np.cross(spin, n)
     ft = _tangential(scene, c, touching, n, vt, kt, ct, c.of("friction")[touching] * np.abs(fn), update)
     force, turn = fn[:, None] * n + ft, np.cross(n, ft)
-    resist = _rolling(scene, c, touching, n, kn * overlap, w[i] if j is None else w[i] - w[j])
+    if j is None:
+        turning = (arm_i / (scene.state.radius[i] - overlap))[:, None] * w[i]
+    else:
+        turning = w[i] - w[j]
+    if scene.contact.rolling == "epsd2":
+        resist = _rolling_spring(scene, c, touching, n, kt, np.abs(fn), turning, update)
+    else:
+        resist = _rolling(scene, c, touching, n, kn * overlap, turning)
     np.add.at(f, i, force)
     np.add.at(t, i, -arm_i[:, None] * turn - resist)
     if j is not None:
@@ -218,6 +228,21 @@ def _rolling(scene, c, touching, n, elastic, spin) -> np.ndarray:
     magnitude = (c.of("rolling_friction") * c.radius)[touching] * elastic
     torque = (magnitude / np.where(size > 0, size, 1.0))[:, None] * spin
     return torque - _dot(torque, n)[:, None] * n
+
+
+def _rolling_spring(scene, c, touching, n, kt, load, spin, update: bool) -> np.ndarray:
+    """Elastic-plastic rolling resistance [N m] (`epsd2`): a spring of torque, cut at mu_r |Fn| R*."""
+    if not scene.needs.rolling:
+        return np.zeros_like(spin)
+    radius, torque = c.radius[touching], c.rolling[touching]
+    turn = (spin - _dot(spin, n)[:, None] * n) * scene.time.step
+    torque = torque + (kt * radius**2)[:, None] * turn  # at set-up too, but then it is not kept
+    limit = c.of("rolling_friction")[touching] * load * radius
+    size = np.sqrt(_dot(torque, torque))
+    torque = torque * np.where(size > limit, limit / np.where(size > 0, size, 1.0), 1.0)[:, None]
+    if update:
+        c.rolling[touching] = torque
+    return torque
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

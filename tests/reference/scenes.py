@@ -103,6 +103,16 @@ def start_in_contact() -> Scene:
     )  # fmt: skip
 
 
+def resting(**more) -> Scene:
+    """Three turning spheres in touch with one another and the floor from the start, under tilted gravity."""
+    return scene(
+        position=[[0, 0, 0.00298], [0.00597, 0, 0.00297], [0.0030, 0.0001, 0.00815]],
+        velocity=[[0.02, 0, 0], [-0.01, 0.01, 0], [0.0, 0.02, -0.03]],
+        spin=[[20.0, -30.0, 5.0], [-10.0, 15.0, 3.0], [4.0, 9.0, -20.0]],
+        steps=4000, every=10, walls=[FLOOR], gravity=(3.0, 1.0, -9.81), **more,
+    )  # fmt: skip
+
+
 def polystyrene_on_acrylic() -> Scene:
     """True moduli, 3 GPa, which LIGGGHTS takes only with `hard_particles yes`; dt = 50 ns."""
     return wall_bounce(
@@ -180,6 +190,25 @@ AGREEMENT = {
     "cdt_wall": lambda: wall_bounce(
         name="cdt_wall",
         contact={"rolling": "cdt"},
+        pair={"rolling_friction": 0.2},
+        wall_pair={"rolling_friction": 0.1},
+    ),
+    "epsd2": lambda: two_spheres(name="epsd2", contact={"rolling": "epsd2"}, pair={"rolling_friction": 0.02}),
+    "epsd2_wall": lambda: wall_bounce(
+        name="epsd2_wall",
+        contact={"rolling": "epsd2"},
+        pair={"rolling_friction": 0.2},
+        wall_pair={"rolling_friction": 0.01},
+    ),
+    "epsd2_alone": lambda: resting(
+        name="epsd2_alone",
+        contact={"rolling": "epsd2"},
+        pair={"rolling_friction": 0.2, "friction": 0.0},
+        wall_pair={"rolling_friction": 0.1, "friction": 0.0},
+    ),
+    "epsd2_resting": lambda: resting(
+        name="epsd2_resting",
+        contact={"rolling": "epsd2"},
         pair={"rolling_friction": 0.2},
         wall_pair={"rolling_friction": 0.1},
     ),

@@ -37,7 +37,8 @@ def test_agrees_with_binary(name, tmp_path, liggghts):
     assert max(worst(run.trace, ours).values()) < LOOSER.get(name, TOLERANCE), worst(run.trace, ours)
     change = np.abs(ours["velocity"][-1] - ours["velocity"][0]).max()
     assert change > 0.01  # there was an impact to agree on
-    assert not run.warnings
+    slow = "not located in any whitelist"  # epsd2: the binary has it, but not compiled as one with the rest
+    assert not [w for w in run.warnings if not (scene.contact.rolling == "epsd2" and slow in w)]
 
 
 def test_emulator_sees_another_law(tmp_path, liggghts):
