@@ -53,7 +53,10 @@ def _liggghts(
     scene: Scene, directory: Path, options: Options, progress: Progress, extra: dict[str, Any]
 ) -> Run:
     from reference import liggghts
+    from reference.liggghts import deviations
 
+    if "deviation" in extra:  # a deck of the closed list of the report's findings
+        return deviations.run(scene, directory, progress=progress, **extra)
     arguments: dict[str, Any] = {"ranks": options.ranks} | extra
     return liggghts.run(scene, directory, progress=progress, **arguments)
 

@@ -73,7 +73,7 @@ def execute(
     start = time.monotonic()
     with log:
         process = subprocess.Popen(
-            command(binary, ranks), cwd=directory, env={**os.environ, **_MPI_AS_ROOT},
+            command(binary, ranks), cwd=directory, env={**os.environ, **MPI_AS_ROOT},
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             start_new_session=True,
         )  # fmt: skip
@@ -93,7 +93,7 @@ def execute(
 
 
 #: mpirun refuses to start as root (in a container) without these.
-_MPI_AS_ROOT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+MPI_AS_ROOT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
 
 
 def command(binary: str, ranks: int) -> list[str]:
