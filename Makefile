@@ -1,7 +1,7 @@
 # The two commands of the README. Both set up what is missing first; a second run skips that in under a second.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help verify test lint setup clean
+.PHONY: help verify test mutants lint setup clean
 
 help: ## this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile | expand -t 16
@@ -13,6 +13,10 @@ verify: ## compare gpudem with LIGGGHTS and closed forms (standard tier); last l
 test: ## the test suite; ARGS="-k scene" to select
 	@bash tools/setup.sh test
 	@.venv/bin/python -m pytest $(ARGS)
+
+mutants: ## break the solver in every way of the table: which check catches each? ARGS=--record keeps it
+	@bash tools/setup.sh test
+	@.venv/bin/python -m comparisons.mutants $(ARGS)
 
 lint: ## ruff, its formatter and the type checker
 	@bash tools/setup.sh lint

@@ -77,6 +77,10 @@ def test_one_per_cent_wrong_is_seen(case: Case, change: Callable[[Scene], Scene]
     assert any(expected in name for name in failed), failed
 
 
-@pytest.mark.parametrize("case", [head_on.CASE, wall_restitution.CASE, oblique.CASE, slide_to_roll.CASE])
+@pytest.mark.parametrize(
+    "case",
+    [head_on.CASE, wall_restitution.CASE, oblique.CASE, slide_to_roll.CASE],
+    ids=lambda case: case.name,
+)
 def test_the_right_law_passes(case: Case):
     assert failures(case, lambda scene: scene) == []
