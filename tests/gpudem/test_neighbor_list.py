@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gpudem.neighbor_list import cell_grid
+from gpudem.neighbor_list import NeighborList, cell_grid
 from gpudem.scene import Scene
 from gpudem.solver import Simulation
 from tests.gpudem.beds import MATERIALS
@@ -74,6 +74,48 @@ def test_list_grows():
     simulation.neighbors.rebuild()
     assert listed_pairs(simulation) == all_pairs(scene)
     assert simulation.neighbors.capacity > 16 * 300
+
+
+def layers() -> Scene:
+    """Four layers of spinning, touching balls close up: 8 neighbours each at first, then more than 16."""
+    grid = 0.0059 * np.array([(i, j) for i in range(6) for j in range(6)])
+    position = [(x, y, 0.03 + 0.0125 * k) for k in range(4) for x, y in grid]
+    return Scene(
+        name="layers", materials={"ball": MATERIALS["ball"]}, pairs=[{**PAIR[0], "friction": 0.4}],
+        particles={
+            "source": "explicit", "material": "ball", "radius": 0.003, "position": position,
+            "velocity": [(0, 0, 0.2 * (1.5 - k)) for k in range(4) for _ in grid],
+            "angular_velocity": np.random.default_rng(5).normal(0, 20, (144, 3)),
+        },
+        domain={"lo": (0, 0, 0), "hi": (0.0354, 0.0354, 0.1), "periodic": (True, True, False)},
+        solver={"skin": 0.006}, time={"step": 2e-5, "duration": 0.024},
+    )  # fmt: skip
+
+
+def test_springs_outlive_a_list_that_grows(monkeypatch):
+    """Bit for bit the same as with room from the start. Catches springs that the old list still held."""
+
+    def end(room: int) -> tuple[np.ndarray, bool]:
+        allocate = NeighborList._allocate
+        grown = []
+
+        def roomy(self: NeighborList, capacity: int) -> None:
+            grown.append(self.rebuilds)
+            allocate(self, room * capacity)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(NeighborList, "_allocate", roomy)
+            simulation = Simulation(layers(), threads=1)
+            simulation.start()
+            simulation.advance(layers().n_steps - 1)
+            simulation.write_step()
+        assert np.abs(simulation.state.particles.spring.numpy()).max() > 1e-7
+        return simulation.frame()["angular_velocity"], max(grown) > 1
+
+    (tight, grew), (roomy, stayed) = end(1), end(8)
+    assert grew
+    assert not stayed
+    assert np.array_equal(tight, roomy)
 
 
 def test_cells_of_a_large_empty_domain_are_few():
