@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -47,8 +48,9 @@ def step_of(results: Results, label: str) -> float:
     return next(run for (lab, _), run in results.runs.items() if lab == label).scene.time.step
 
 
-def step_by_step(meetings: list[Meeting], spin: bool) -> tuple[Check, ...]:
-    """Both codes at every step of every variant, to rounding; NaN (a failure) if any meeting fails to touch.
+def step_by_step(meetings: list[Meeting], spin: bool, prefix: str = "", **options: Any) -> tuple[Check, ...]:
+    """Both codes at every step of every variant of a prefix, to rounding; NaN (a failure) if any meeting
+    fails to touch. `options` go to the checks.
 
     Scales: position by the diameter of each particle, velocity by the lowest approach speed in the scene,
     spin by that speed over the radius, force by the largest force on the particle.
@@ -64,7 +66,7 @@ def step_by_step(meetings: list[Meeting], spin: bool) -> tuple[Check, ...]:
     def compare(column: str) -> Callable[[Results], Measured]:
         def value(results: Results) -> Measured:
             found = {}
-            for label in results.labels():
+            for label in ladder(results, prefix):
                 ours, theirs = results[label, "gpudem"], results[label, "liggghts"]
                 untouched = [
                     m.label for m in meetings for run in (ours, theirs) if overlap(run, m).max() <= 0
@@ -86,7 +88,7 @@ def step_by_step(meetings: list[Meeting], spin: bool) -> tuple[Check, ...]:
     )
     return tuple(
         Check(
-            name=name,
+            name=f"{prefix.rstrip('_')}: {name}" if prefix else name,
             measure=compare(column),
             tolerance=1e-9 if column == "force" else 1e-11,
             unit="1",
@@ -95,6 +97,7 @@ def step_by_step(meetings: list[Meeting], spin: bool) -> tuple[Check, ...]:
             reason=reason,
             catches=catches,
             needs=CODES,
+            **options,
         )
         for column, (name, catches) in STEP_BY_STEP.items()
         if spin or column != "angular_velocity"

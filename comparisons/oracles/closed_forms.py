@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from scipy.integrate import quad
+from scipy.optimize import brentq
 from scipy.special import gamma
 
 from comparisons.oracles.bodies import Bodies
@@ -59,6 +60,22 @@ def restitution(c: Bodies, limit_force: bool) -> float:
     """
     b = c.damping_ratio
     return math.exp(-b / math.sqrt(1 - b * b) * _phase(c, limit_force))
+
+
+def restitution_to_put_in(wanted: float) -> float:
+    """Restitution e that comes out as `wanted` with `limit_force`: 0.5 takes 0.4348. At most 1, above
+    exp(-2).
+
+    Both are functions of the damping ratio b alone: the one put in is exp(-b pi/w), the one that comes out
+    exp(-b theta/w).
+    """
+
+    def left(b: float) -> float:
+        w = math.sqrt(1 - b * b)
+        return math.exp(-b / w * (math.pi - math.atan2(2 * b * w, w * w - b * b))) - wanted
+
+    b = float(brentq(left, 0.0, 1 - 1e-9, xtol=1e-15))  # type: ignore[arg-type]
+    return math.exp(-b / math.sqrt(1 - b * b) * math.pi)
 
 
 def _integral(c: Bodies, limit_force: bool, power: int) -> float:
