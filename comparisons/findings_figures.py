@@ -139,10 +139,10 @@ def summary(results: Results) -> pandas.DataFrame:
             "gpudem: solver.integrator = path",
         ),
         (
-            "Each `run` sets up anew: one step's forces at full-step velocities; springs stay.",
+            "Each run command sets up anew: one step's forces at full-step velocities; springs stay.",
             f"{number(again, 2)} of the impact speed",
-            "one step for each `run`",
-            "deck: one `run` for each set of walls; gpudem: output sets nothing up",
+            "one step for each run command",
+            "deck: one run command for each set of walls; gpudem: output sets nothing up",
         ),
         (
             "Particles that leave are dropped, exit status 0, no message.",

@@ -85,7 +85,7 @@ CASE = Case(
         Figure(
             "In a flow",
             "5000 balls after the gate has gone, each behaviour against the same flow without it."
-            " Rounding shows how chaos alone grows: by 0.15 s all differ by per cent, as any two runs do.",
+            " Rounding shows how chaos alone grows: by 0.15 s all differ by a per cent, as any runs do.",
             findings_figures.flow, tiers=BENCH, needs=BOTH,
         ),
     ),
