@@ -20,7 +20,7 @@ TIERS: tuple[Tier, ...] = ("quick", "standard", "full")
 Mark = Literal["A", "P", "X", "R"]
 
 #: Where a figure or table stands in the report: with its case, or in a section that collects from all cases.
-Section = Literal["case", "work_precision", "speed", "limits", "leaves_out"]
+Section = Literal["case", "lead", "work_precision", "speed", "limits", "leaves_out"]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -18,6 +18,11 @@ REPORT = "report.html"
 
 #: Sections that collect figures and tables from all cases: key -> (heading, what the reader finds there).
 COLLECTED = {
+    "lead": (
+        "What accuracy costs",
+        "For a given error of the motion through a contact: which code and option needs how much time. Times"
+        " are stepping alone, one core, the codes in turn on one machine.",
+    ),
     "work_precision": (
         "Error against run time",
         "What each digit of accuracy costs: each point is one run, lower left is better. Time is the stepping"
