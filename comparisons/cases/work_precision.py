@@ -248,8 +248,8 @@ CASE = Case(
     figures=(
         Figure(
             "Error against run time, e = 0.5",
-            "One core each, the quickest repeat. Dotted: 1 % and 0.1 %. float32 stops where the rounding of its"
-            " positions begins.",
+            "One core each, the quickest repeat. Dotted: 1 % and 0.1 %. float32 stops where the rounding of"
+            " its positions begins.",
             draw_time, needs=BOTH, section="lead",
         ),
         Figure(
