@@ -48,7 +48,7 @@ class Battery:
                 return name
         for name, prefix in self.nodes.items():
             if node.startswith(prefix):
-                return f"{name}: {node.removeprefix(prefix).strip(':[]')}"
+                return f"{name}: {node.removeprefix(prefix).removeprefix('::')}"
         return node
 
 
