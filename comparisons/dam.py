@@ -93,8 +93,8 @@ class Dam:
 
     @property
     def step(self) -> float:
-        """Time step [s]: 6 % of the Rayleigh time at the softened modulus, 8 % at the true one."""
-        return 2e-5 * self.radius / RADIUS if self.slice else 1e-6
+        """Time step [s]: 8 % of the Rayleigh time, at the softened modulus and at the true one."""
+        return 2.5e-5 * self.radius / RADIUS if self.slice else 1e-6
 
     def scene(self) -> Scene:
         """The whole statement."""

@@ -1,9 +1,9 @@
 """Balls behind a gate in an acrylic box; the gate goes, they collapse (Park, Jun, Sohn and Lee 2014).
 
 Standard tier, on two cores at some 7e6 (LIGGGHTS, 2 ranks) and 5e6 (gpudem) particle-steps a second: three
-gates at R = 3 mm, 5 724 balls x 75 000 steps = 4.3e8 each, 3 x (62 + 86) s; eight seeds at R = 6 mm,
-1 431 x 37 500 = 5.4e7 each, 8 x (12 + 11) s; four more frictions at R = 6 mm, 4 x (9 + 8) s: 12 minutes.
-Quick tier: five seeds at R = 10 mm, 515 x 19 500 = 1.0e7 each, some 3 s a run.
+gates at R = 3 mm, 5 724 balls x 60 000 steps = 3.4e8 each, 3 x (50 + 69) s; eight seeds at R = 6 mm,
+1 431 x 30 000 = 4.3e7 each, 8 x (10 + 9) s; four more frictions at R = 6 mm, 4 x (7 + 6) s: 10 minutes.
+Quick tier: five seeds at R = 10 mm, 515 x 15 600 = 8e6 each, some 3 s a run.
 """
 
 from __future__ import annotations
