@@ -37,7 +37,7 @@ FRICTIONS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 ALUMINA = Material(young=380e9, poisson=0.23, density=4000.0)
 GLASS = Material(young=70e9, poisson=0.25, density=2500.0)
 PELLET, IMPACT, SLIDING = 2.5e-3, 3.9, 0.092
-ANGLES = (2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 37.0, 45.0, 52.0, 60.0)
+ANGLES = (2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0)
 #: The first touch falls in the middle of a step.
 FLIGHT, PELLET_STEP = 6.05e-7, 1e-8
 

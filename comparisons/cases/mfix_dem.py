@@ -302,6 +302,7 @@ def _figure(results: Results) -> MatplotlibFigure:
             low.plot(time, height, mark, color=color, ms=4, mfc="none")
     low.set(xlabel="time [s]", ylabel="height of the upper sphere [m]")
     low.set_title("DEM03")
+    low.margins(y=0.18)
     plots.legend(low, loc="lower right", ncols=3)
     last = axes[1, 1]
     solved = [exact(results, results["dem05", results.codes()[0]].scene, m) for m in mfix.MEETINGS]
@@ -342,7 +343,7 @@ CASE = Case(
         "The verification cases of another public code, with its numbers and as matrices rather than single"
         " points: a sphere dropped on a floor (19 pairs of stiffness and restitution), its repeated bounces"
         " (18, against the exact motion and the hard sphere's limit), two spheres squeezed between floor and"
-        " roof (6), a sphere thrown along a floor (9 frictions), and alumina spheres that hit glass at 11"
+        " roof (6), a sphere thrown along a floor (9 frictions), and alumina spheres that hit glass at 8"
         " angles. The linear spring of the first four is `hooke` with a Young's modulus worked out so that k"
         " is the one wanted; the fifth is run with the Hertz law. MFIX' linear variant of DEM05 is left out:"
         " it has k_t = 0.86 k_n, and hooke, in LIGGGHTS and here, has k_t = k_n."

@@ -1,0 +1,72 @@
+"""Gases in a periodic cube: how the cases haff and elastic_gas state them, and what both measure."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from comparisons.case import Check, Measured, Results
+from comparisons.impact_checks import CODES
+from comparisons.metrics.trace import largest_difference
+from gpudem.run import Run
+from gpudem.scene import Domain, Lattice, Scene
+
+RADIUS, DENSITY, POISSON = 1e-3, 2500.0, 0.3
+MASS = DENSITY * 4 / 3 * math.pi * RADIUS**3
+#: Both codes from one start, step by step, before chaos has grown from rounding.
+EARLY = "early"
+
+
+def box_length(count: int, phi: float) -> float:
+    """Edge [m] of the cube that `count` spheres fill to the volume share phi."""
+    return (count * math.pi / 6 * (2 * RADIUS) ** 3 / phi) ** (1 / 3)
+
+
+def gas_box(name: str, count: int, phi: float, seed: int, **sections: Any) -> Scene:
+    """`count` spheres of one kind on a jittered lattice, velocities normal with T = 1 m2/s2 a component."""
+    edge = box_length(count, phi)
+    cells = math.ceil(count ** (1 / 3) - 1e-9)
+    return Scene(
+        name=name,
+        particles=Lattice(
+            source="lattice", material="ball", count=count, radius=RADIUS, lo=(0, 0, 0),
+            hi=(edge, edge, edge),
+            spacing=edge / cells / (2 * RADIUS) * (1 - 1e-9), velocity_rms=1.0, seed=seed,
+        ),
+        domain=Domain(lo=(0, 0, 0), hi=(edge, edge, edge), periodic=(True, True, True)), **sections,
+    )  # fmt: skip
+
+
+def temperature(run: Run) -> np.ndarray:
+    """T [m2/s2] in time, from the kinetic energy of the history."""
+    return 2 * run.history["kinetic_energy"].to_numpy() / (3 * MASS * len(run.scene.state))
+
+
+def early_checks() -> tuple[Check, ...]:
+    """Positions (by diameter, over the box edge's wrap) and velocities of both codes over the first steps."""
+
+    def value(results: Results, column: str) -> Measured:
+        ours, theirs = (results[EARLY, code] for code in CODES)
+        a, b = ours.trace[column], theirs.trace[column]
+        touched = int((np.linalg.norm(ours.trace["force"], axis=2) > 0).any(axis=0).sum())
+        if touched < 20:
+            return Measured(float("nan"), note=f"only {touched} spheres touched another")
+        if column == "position":
+            edge = ours.scene.domain.hi[0]
+            b = b + edge * np.round((a - b) / edge)
+        scale = 2 * RADIUS if column == "position" else 1.0
+        return Measured(largest_difference(a, b, scale), note=f"{touched} spheres touched another")
+
+    return tuple(
+        Check(
+            name=f"{name}, largest difference over the first milliseconds",
+            measure=lambda results, column=column: value(results, column),
+            tolerance=1e-9, unit="1", against="LIGGGHTS", mark="X", needs=CODES,
+            reason="same law, same scheme: rounding, times the few collisions so far, each of which"
+            " multiplies it by (free path / radius)",
+            catches="a pair missed by a neighbour list, a wrong image across a periodic side",
+        )
+        for name, column in (("position / diameter", "position"), ("velocity / rms velocity", "velocity"))
+    )  # fmt: skip

@@ -1,0 +1,103 @@
+"""Oracles of mfix_dem, incline, rolling_decay, haff and elastic_gas against answers known elsewhere."""
+
+import math
+
+import numpy as np
+import pytest
+
+from comparisons.oracles import gas, linear
+from comparisons.oracles.rolling import Arm, down_slope, resisted, sticking_limit
+from gpudem.contact.coefficients import pair_coefficients
+from gpudem.scene import Contact, Domain, Explicit, Material, Pair, Scene, Time
+
+RIGID = Arm(0.003, 0.003, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "restitution", "end", "speed", "last"),
+    [
+        (1e4, 0.9, 0.39743489, 2.47544321, 0.30231307),
+        (1e5, 1.0, 0.31916510, 2.80094984, 0.44616457),
+        (5e4, 0.6, 0.33467116, 1.60203036, 0.23083617),
+    ],
+)
+def test_bouncer_against_the_analytic_solution_of_mfix(stiffness, restitution, end, speed, last):
+    """End of contact, velocity then and height at 0.5 s of MFIX-DEM's DEM01, evaluated apart."""
+    b = linear.Bouncer(10.8908545, stiffness, restitution, 9.80665, 0.4)
+    phases = b.phases(0.5)
+    assert phases[1].end == pytest.approx(end, rel=1e-7)
+    assert phases[2].speed == pytest.approx(speed, rel=1e-7)
+    assert b.at(np.array([0.5]))[0][0] + 0.1 == pytest.approx(last, rel=1e-6)
+
+
+def test_bouncer_tends_to_the_hard_sphere_and_comes_to_rest():
+    hard = linear.Bouncer(1.0, 1e10, 0.8, 9.81, 0.4)
+    assert hard.tops(1.5) == pytest.approx(
+        [linear.hard_sphere_top(0.4, 0.8, k) for k in (1, 2, 3)][: len(hard.tops(1.5))], rel=1e-3
+    )
+    soft = linear.Bouncer(1.0, 1e3, 0.3, 9.81, 0.05)
+    assert soft.phases(10.0)[-1].end == math.inf
+    assert soft.at(np.array([10.0]))[0][0] == pytest.approx(-9.81 / 1e3, rel=1e-9)
+
+
+def test_squeezed_column_rests_where_forces_balance():
+    """MFIX-DEM's DEM03: 0.43325 mm and 1.3666 mm."""
+    y = linear.squeezed_column(
+        np.array([0.0, 1.0]), (4.5e-4, 1.35e-3), 5e-4, (1.0471976e-5, 0.5235988e-5), 0.0018, 1e3, 0.5, 9.80665
+    )
+    assert y[0] == pytest.approx([4.5e-4, 1.35e-3])
+    assert y[1] == pytest.approx([4.3325e-4, 1.3666e-3], rel=1e-4)
+
+
+def test_modulus_of_hooke_gives_the_stiffness_wanted():
+    """Through the solver's own coefficients: k = A R*^(2/5) m*^(1/5)."""
+    radius, mass, nu = 0.01, 1000 * 4 / 3 * math.pi * 1e-6, 0.3
+    young = 2 * (1 - nu**2) * linear.young_star(5e4, radius / 2, mass / 2, 2.0)
+    scene = Scene(
+        name="k", materials={"a": Material(young=young, poisson=nu, density=1000)},
+        pairs=[Pair(materials=("a", "a"))], contact=Contact(normal="hooke", characteristic_velocity=2.0),
+        particles=Explicit(position=[(0, 0, 0)], radius=radius, material="a"),
+        domain=Domain(lo=(-1, -1, -1), hi=(1, 1, 1)), time=Time(step=1e-5, duration=1e-4),
+    )  # fmt: skip
+    k = pair_coefficients(scene, "a", "a").k_normal * (radius / 2) ** 0.4 * (mass / 2) ** 0.2
+    assert k == pytest.approx(5e4, rel=1e-12)
+
+
+def test_slopes_are_the_textbook_ones_for_a_rigid_sphere():
+    """5/7 g sin; g (sin - mu cos) and 5/2 mu g cos; the limit at tan = 7/2 mu; MercuryDPM's 15 degrees."""
+    slope = math.radians(30)
+    assert sticking_limit(RIGID, slope) == pytest.approx(2 / 7 * math.tan(slope))
+    assert down_slope(RIGID, math.radians(15), 0.5, 9.8)[0] == pytest.approx(1.81167, abs=1e-4)
+    u, w = down_slope(RIGID, slope, 0.1, 10.0)
+    assert u == pytest.approx(10 * (0.5 - 0.1 * math.cos(slope)))
+    assert w == pytest.approx(2.5 * 0.1 * 10 * math.cos(slope))
+    at = down_slope(RIGID, slope, sticking_limit(RIGID, slope) * (1 - 1e-9), 10.0)
+    assert at[0] == pytest.approx(at[1], rel=1e-7)
+    assert resisted(RIGID, 0.0, 0.1, 9.8) == pytest.approx(-5 / 7 * 0.98)
+
+
+@pytest.mark.parametrize(("phi", "z"), [(0.1, 1.52126), (0.2, 2.40625), (0.3, 3.97376), (0.49, 12.15559)])
+def test_carnahan_starling(phi, z):
+    assert gas.compressibility(phi) == pytest.approx(z, rel=1e-5)
+    assert gas.compressibility(phi) == pytest.approx((1 + phi + phi**2 - phi**3) / (1 - phi) ** 3, rel=1e-12)
+
+
+def test_collision_rate_against_dynamo():
+    """Mean free time 0.13057 (Enskog) of 1372 hard spheres at rho d^3 = 0.5, T = 1 (DynamO's own test)."""
+    g = gas.contact_value(gas.volume_share(1.0, 0.5))
+    assert 1 / gas.collision_rate(1.0, 0.5, 1.0, g) == pytest.approx(0.13057, rel=1e-4)
+
+
+def test_soft_diameter_is_the_integral():
+    k, m, t, d = 2e6, 1e-5, 1.0, 2e-3
+    r = np.linspace(d * 0.95, d, 200001)
+    hole = np.trapezoid(np.exp(-k * (d - r) ** 2 / (2 * m * t)), r)
+    assert gas.soft_diameter(d, k, m, t) == pytest.approx(d - hole, rel=1e-9)
+
+
+def test_cooling_is_rate_times_loss():
+    """dT/dt = -(1 - e^2) w T/3 with w the collision rate, but for the Sonine factor (0.3 % at e = 0.9)."""
+    slope, e = gas.haff_slope(2e-3, 2.4e7, 0.9), 0.9
+    w = gas.collision_rate(2e-3, 2.4e7, 1.0, gas.contact_value(gas.volume_share(2e-3, 2.4e7)))
+    assert slope == pytest.approx((1 - e * e) * w / 6, rel=0.005)
+    assert slope != pytest.approx((1 - e * e) * w / 6, rel=0.001)
