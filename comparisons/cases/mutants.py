@@ -30,14 +30,13 @@ def out_of_date(results: Results) -> Measured:
 
 
 def table(results: Results) -> pandas.DataFrame:
-    """One row a mutant: what is wrong, where, and what saw it first."""
+    """One row a mutant: what is wrong, and which members of the battery saw it."""
     data = recorded()
     rows = []
     for row in data["mutants"] if data else []:
-        first, *more = row["caught_by"] or ["nothing"]
-        seen = first + (f" and {len(more)} more" if more else "")
-        rows.append((row["name"], row["wrong"], row["file"].removeprefix("gpudem/"), seen))
-    return pandas.DataFrame(rows, columns=["mutant", "what is wrong then", "file of gpudem", "caught by"])
+        seen = dict.fromkeys(name.partition(":")[0] for name in row["caught_by"] or ["nothing"])
+        rows.append((row["name"], row["wrong"], ", ".join(seen)))
+    return pandas.DataFrame(rows, columns=["mutant", "what is wrong then", "caught by"])
 
 
 def _caption() -> str:
@@ -47,8 +46,8 @@ def _caption() -> str:
     p = data["provenance"]
     return (
         f"Recorded, not run now: {p['date']}, commit {p['commit']}, {p['hardware']['cpu']},"
-        f" {p['hardware']['cores']} cores, {data['seconds'] / 60:.0f} minutes. `emulator`: step by step"
-        " against an independent NumPy statement of the law; `case`: the checks of that case against closed"
+        f" {p['hardware']['cores']} cores, {data['seconds'] / 60:.0f} minutes. emulator: step by step"
+        " against an independent NumPy statement of the law; case: the checks of that case against closed"
         " forms and the ODE; the others are tests of the solver by that name. A mutant that the first"
         " members of the battery miss meets all of it."
     )
@@ -62,12 +61,12 @@ CASE = Case(
         " factor, a lost spring, a cell missed. Each broken copy meets a battery of fast checks, which the"
         " sound copy passes; one that passes as well would be an error that could stand in the solver unseen."
     ),
-    source="`make mutants`; the ways are data, comparisons/mutants/data/mutations.toml.",
+    source="make mutants; the ways are data, comparisons/mutants/data/mutations.toml.",
     variants=lambda tier: [],
     checks=(
         Check(
             name="mutants that no check catches", measure=survivors, tolerance=0, unit="mutants",
-            against="recorded `make mutants`", mark="R", needs=(), reason="an exact statement",
+            against="recorded make mutants", mark="R", needs=(), reason="an exact statement",
             catches="a wrong that the suite is blind to",
         ),
         Check(

@@ -89,7 +89,7 @@ class Copy:
     def _run(self, members: list[str], cache: Path) -> Verdict:
         report = self.folder / "battery.xml"
         report.unlink(missing_ok=True)
-        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"--junitxml={report}"]
+        command = [sys.executable, "-m", "pytest", "-vv", "-p", "no:cacheprovider", f"--junitxml={report}"]
         variables = {
             "PYTHONPATH": str(self.folder),
             "WARP_CACHE_PATH": str(cache),
@@ -127,6 +127,6 @@ class Copy:
 
 def _names(text: str) -> list[str]:
     try:
-        return [str(item) for item in ast.literal_eval(text)]
+        return [item for item in ast.literal_eval(text) if isinstance(item, str)]
     except (ValueError, SyntaxError):
         return []
