@@ -14,7 +14,6 @@ from comparisons.chung_ooi_checks import curve, exact_outcome, outcome
 from comparisons.chung_ooi_normal_checks import force_history
 from comparisons.impact_checks import CODES, finest, ladder
 from comparisons.impacts import exact
-from comparisons.oracles import closed_forms
 
 if TYPE_CHECKING:
     import pandas
@@ -216,35 +215,3 @@ def sliding_line(test: Test) -> Callable[[Axes], Any]:
         ax.plot(x, (x - limit) / b.stated, color="0.5", lw=1, ls=":", label="slides throughout")
 
     return draw
-
-
-def peak_table(tests: tuple[Test, ...]) -> Table:
-    """Hertz' numbers of the elastic tests."""
-
-    def make(_: Results) -> pandas.DataFrame:
-        import pandas
-
-        rows = []
-        for test in tests:
-            for b in test.balls:
-                c, v = test.bodies(b), b.normal * (2 if test.paired else 1)
-                rows.append(
-                    (
-                        test.number, b.what, c.young_star, 1e6 * closed_forms.peak_overlap(c, v),
-                        1e-3 * closed_forms.elastic_peak_force(c, v),
-                        1e6 * closed_forms.elastic_contact_time(c, v),
-                    )
-                )  # fmt: skip
-        return pandas.DataFrame(
-            rows,
-            columns=[
-                "test",
-                "material",
-                "E* [Pa]",
-                "peak overlap [um]",
-                "peak force [kN]",
-                "contact time [us]",
-            ],
-        )
-
-    return Table("Hertz' numbers of tests 1 and 2", "Closed forms that the runs are held against.", make)
