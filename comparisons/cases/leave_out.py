@@ -6,6 +6,7 @@ import pandas
 
 from comparisons.beds import FRICTIONLESS, bench_scene
 from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
+from gpudem.errors import GpudemError
 from gpudem.run import Run
 
 STEPS = {"quick": 200, "standard": 2000, "full": 10000}
@@ -91,7 +92,12 @@ def kernel_table(results: Results) -> pandas.DataFrame:
     for label in (PLAIN, FULL):
         for precision in ("float64", "float32"):
             scene = results[label, "gpudem"].scene.replace(solver={"precision": precision})
-            found = step_kernel_resources(Spec.of(scene))
+            try:
+                found = step_kernel_resources(Spec.of(scene))
+            except GpudemError as error:  # an older assembler than Warp's PTX: a fact about this machine
+                return pandas.DataFrame(
+                    {"note": [f"{str(error).splitlines()[0]}; pip install nvidia-cuda-nvcc"]}
+                )
             rows.append((label, precision, found.registers, found.spill_bytes, found.stack_bytes))
     return pandas.DataFrame(rows, columns=["scene", "precision", "registers", "spilled [B]", "stack [B]"])
 
