@@ -15,18 +15,16 @@ from typing import Any
 
 import warp as wp
 
-#: Below this many particles a thread, waking the crew costs more than it saves (about 30 us a launch).
-MIN_SLICE = 1000
-
 
 class Crew:
-    """Runs recorded launches on `threads` cores; the caller's thread takes the first."""
+    """Runs recorded launches on `threads` cores; the caller's thread takes the first. A slice is whole blocks."""
 
-    def __init__(self, n: int, device: Any, threads: int | None = None):
+    def __init__(self, n: int, block: int, device: Any, threads: int | None = None):
         self.device, self.n = device, n
         wanted = threads or len(os.sched_getaffinity(0))
-        self.threads = 1 if device.is_cuda else max(1, min(wanted, n // MIN_SLICE or 1))
-        edges = [n * k // self.threads for k in range(self.threads + 1)]
+        blocks = -(-n // block)
+        self.threads = 1 if device.is_cuda else max(1, min(wanted, blocks))
+        edges = [min(n, block * (blocks * k // self.threads)) for k in range(self.threads + 1)]
         self.slices = list(itertools.pairwise(edges))
         self._jobs = [queue.SimpleQueue() for _ in range(self.threads - 1)]
         self._done: queue.SimpleQueue = queue.SimpleQueue()

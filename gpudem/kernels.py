@@ -1,7 +1,11 @@
 """The step kernel: contact forces of one particle, its second half kick, its next first half kick and drift.
 
-One thread a particle; both sides of a contact are computed apart, so nothing is added atomically and the
-result depends on neither thread count nor order. Built for what the scene needs (`Spec`), no more.
+One thread a particle. With a full list both sides of a contact are computed apart, so nothing is added
+atomically and the result depends on neither thread count nor order. With a half list (the CPU, where a launch
+takes its particles one after the other) a pair within a block of particles is computed once, by the one that
+comes first, and kept for the other; pairs across blocks are computed from both sides. A block belongs to one
+core, and blocks do not depend on the number of cores: neither does the result.
+Built for what the scene needs (`Spec`), no more.
 """
 
 import functools
@@ -170,6 +174,14 @@ def step_kernel(spec: Spec) -> Any:
         force = vec3()
         torque = vec3()
         contacts = wp.int32(0)
+        block_end = wp.int32(0)
+        if wp.static(spec.half_list):
+            block_end = (i // params.block + 1) * params.block
+            force = particles.force_so_far[i]
+            particles.force_so_far[i] = vec3()
+            if wp.static(spec.rotation):
+                torque = particles.torque_so_far[i]
+                particles.torque_so_far[i] = vec3()
 
         # particles
         for k in range(particles.start[i], particles.start[i + 1]):
@@ -214,16 +226,22 @@ def step_kernel(spec: Spec) -> Any:
                         spring = particles.spring[k]
                     if wp.static(spec.rolling_history):
                         kept = particles.rolling[k]
-                f, tq, spring_new, kept_new = law(c, pair, spring, kept, dt, params.dt)
+                f, turn, rolling, spring_new = law(c, pair, spring, kept, dt, params.dt)
                 force += f
-                torque += tq
+                torque -= c.lever * turn + rolling
                 contacts += 1
+                if wp.static(spec.half_list):
+                    if j > i and j < block_end:
+                        particles.force_so_far[j] -= f
+                        if wp.static(spec.rotation):
+                            particles.torque_so_far[j] -= lever_j * turn - rolling
+                        contacts += 1
                 if wp.static(spec.memory):
                     if not (mode & SETUP):
                         if wp.static(spec.history):
                             particles.spring[k] = spring_new
                         if wp.static(spec.rolling_history):
-                            particles.rolling[k] = kept_new
+                            particles.rolling[k] = rolling
                         particles.neighbor[k] = -j - 1
             else:
                 if wp.static(spec.memory):
@@ -240,7 +258,11 @@ def step_kernel(spec: Spec) -> Any:
                         pair = params.pair
                         if wp.static(spec.several_materials):
                             pair = particles.pairs[material * params.materials + particles.material[j]]
-                        force += edge(c, pair, dt)
+                        f = edge(c, pair, dt)
+                        force += f
+                        if wp.static(spec.half_list):
+                            if j > i and j < block_end:
+                                particles.force_so_far[j] -= f
 
         # walls
         if wp.static(spec.walls):
@@ -269,18 +291,18 @@ def step_kernel(spec: Spec) -> Any:
                             spring = particles.wall_spring[k * params.n + i]
                         if wp.static(spec.rolling_history):
                             kept = particles.wall_rolling[k * params.n + i]
-                    f, tq, spring_new, kept_new = law(
+                    f, turn, rolling, spring_new = law(
                         c, walls.pairs[k * params.materials + material], spring, kept, dt, params.dt
                     )
                     force += f
-                    torque += tq
+                    torque -= c.lever * turn + rolling
                     contacts += 2  # a contact with a particle is counted from both sides
                     if wp.static(spec.memory):
                         if not (mode & SETUP):
                             if wp.static(spec.history):
                                 particles.wall_spring[k * params.n + i] = spring_new
                             if wp.static(spec.rolling_history):
-                                particles.wall_rolling[k * params.n + i] = kept_new
+                                particles.wall_rolling[k * params.n + i] = rolling
                             touch = touch | (1 << k)
                 elif wp.static(spec.path):
                     if not (mode & SETUP):

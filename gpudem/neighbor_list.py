@@ -38,8 +38,19 @@ def cell_grid(scene: Scene) -> tuple[tuple[int, int, int], np.ndarray]:
     return cells, np.array(cells) / size  # type: ignore[return-value]
 
 
+def block_size(n: int, cells: tuple[int, int, int]) -> int:
+    """Particles of a block of the half list: a power of two blocks, at most 64, of 1000 particles or more.
+
+    Sorted particles fill the cells layer by layer; blocks of eight layers leave few pairs across, which are
+    computed twice.
+    """
+    most = min(n // 1000, cells[2] // 8, 64)
+    blocks = 1 << (most.bit_length() - 1) if most else 1
+    return -(-n // blocks)
+
+
 class NeighborList:
-    """Rebuilds the list of a State when told to. `total` is the number of entries, `rebuilds` how often."""
+    """Rebuilds the list of a State when told to; `rebuilds` counts how often."""
 
     def __init__(self, scene: Scene, state: State, params: Any, crew: Crew):
         self.state, self.params, self.crew, self.scene = state, params, crew, scene
@@ -49,7 +60,6 @@ class NeighborList:
         self.cells = math.prod(params.cells)
         self.key = wp.zeros(2 * n, dtype=wp.int32, device=device)
         self.order = wp.zeros(2 * n, dtype=wp.int32, device=device)
-        self.inverse = wp.zeros(n, dtype=wp.int32, device=device)
         self.cell_start = wp.zeros(self.cells + 1, dtype=wp.int32, device=device)
         self.start = wp.zeros(n + 1, dtype=wp.int32, device=device)
         self.count = wp.zeros(n + 1, dtype=wp.int32, device=device)
@@ -76,7 +86,7 @@ class NeighborList:
         self._commands: dict[tuple[str, int], Callable[[], None]] = {}
         self.grew: Callable[[], None] = lambda: None
         """Called when list arrays were replaced: recorded launches elsewhere are out of date."""
-        self._allocate(16 * n)
+        self._allocate((8 if spec.half_list else 16) * n)
 
     def _allocate(self, capacity: int) -> None:
         state = self.state
@@ -139,10 +149,10 @@ class NeighborList:
         parity = id(state.now)
         if (name, parity) not in self._commands:
             p, now, scratch = state.particles, state.now, state.scratch
-            listing = [now, p, self.key, self.cell_start, self.order, self.inverse]
+            listing = [now, p, self.key, self.cell_start, self.order]
             inputs, outputs = {
                 "cells": ([p, now], [self.key, self.order, self.status]),
-                "gather": ([self.order, self.walls, now, p], [self.inverse, scratch, self.scratch]),
+                "gather": ([self.order, self.walls, now, p], [scratch, self.scratch]),
                 "count": ([*listing, self.count, self.hits], [None, None, None]),
                 "fill": ([*listing, self.start, self.hits], [self.neighbor, self.spring, self.rolling]),
             }[name]

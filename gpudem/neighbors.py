@@ -2,7 +2,8 @@
 
 Rebuilding: cell of each particle -> stable sort -> particle arrays re-ordered -> neighbours counted, offsets
 summed, list filled from the 27 cells around -> springs of touching pairs found again. All on the device.
-The list is full (i holds j and j holds i) and compact.
+The list is compact; full (i holds j and j holds i), or half within each block of particles (the first holds
+the other) and full across blocks.
 """
 
 import functools
@@ -117,13 +118,11 @@ def gather_kernel(spec: Spec) -> Any:
         now: Motion,
         particles: Particles,
         # out
-        inverse: wp.array[wp.int32],
         moved: Motion,
         moved_particles: Particles,
     ):
         i = begin + wp.tid()
         o = order[i]
-        inverse[o] = i
         moved.position[i] = now.position[o]
         moved.velocity[i] = now.velocity[o]
         moved_particles.id[i] = particles.id[o]
@@ -193,9 +192,14 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
     carry = fill and spec.memory
 
     @wp.func
-    def near(i: wp.int32, j: wp.int32, x: t.vec3, y: t.vec3, size: t.vec3, limit: t.real):
-        d = nearest(x - y, size)
-        return wp.dot(d, d) < limit * limit and j != i
+    def entry(particles: Particles, at: wp.int32, other: wp.int32):
+        """Where the old list of `at` holds `other` as touching; -1: nowhere."""
+        found = wp.int32(-1)
+        for k in range(particles.start[at], particles.start[at + 1]):
+            if particles.neighbor[k] == -other - 1:
+                found = wp.int32(0) + k
+                break
+        return found
 
     @wp.kernel(module="unique", enable_backward=False)
     def build(
@@ -208,7 +212,6 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
         key: wp.array[wp.int32],
         cell_start: wp.array[wp.int32],
         order: wp.array[wp.int32],
-        inverse: wp.array[wp.int32],
         # in (fill) or out (count)
         start: wp.array[wp.int32],
         hits: wp.array[wp.int32],
@@ -219,9 +222,12 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
     ):
         i = begin + wp.tid()
         x = now.position[i]
-        reach = params.radius + params.radius + params.skin
+        reach = params.radius + params.radius
         if wp.static(spec.several_radii):
-            reach = particles.radius[i] + params.skin
+            reach = particles.radius[i]
+        block = wp.int32(0)  # first particle of the block
+        if wp.static(spec.half_list):
+            block = i // params.block * params.block
         nx, ny, nz = params.cells[0], params.cells[1], params.cells[2]
         cx = key[i] % nx
         cy = key[i] // nx % ny
@@ -253,30 +259,49 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
                     if wp.static(px):
                         begin_cell = row + (left + run + nx) % nx
                         end_cell = begin_cell + 1
-                    for j in range(cell_start[begin_cell], cell_start[end_cell]):
-                        limit = reach
+                    begin_j = cell_start[begin_cell]
+                    if wp.static(spec.half_list):
+                        if begin_j >= block:
+                            begin_j = wp.max(begin_j, i + 1)
+                    for j in range(begin_j, cell_start[end_cell]):
+                        d = nearest(x - now.position[j], params.size)
+                        rsq = wp.dot(d, d)
+                        touch = reach
                         if wp.static(spec.several_radii):
-                            limit = reach + particles.radius[j]
-                        if near(i, j, x, now.position[j], params.size, limit):
+                            touch = reach + particles.radius[j]
+                        limit = touch + params.skin
+                        if rsq < limit * limit and j != i:
+                            if wp.static(spec.half_list):
+                                if j >= block and j < i:
+                                    continue
+                            found_j = wp.int32(0) + j
+                            if wp.static(spec.memory):
+                                if rsq < touch * touch:
+                                    found_j = -j - 1
                             if wp.static(fill):
-                                neighbor[first + count] = j
+                                neighbor[first + count] = found_j
                             elif count < HITS:
-                                hits[i * HITS + count] = j
+                                hits[i * HITS + count] = found_j
                             count += 1
         if wp.static(not fill):
             start[i] = count
         if wp.static(carry):
             o = order[i]
-            for k in range(particles.start[o], particles.start[o + 1]):
-                entry = particles.neighbor[k]
-                if entry < 0:
-                    j = inverse[-entry - 1]
-                    for m in range(first, first + count):
-                        if neighbor[m] == j:
-                            neighbor[m] = -j - 1
-                            if wp.static(spec.history):
-                                spring[m] = particles.spring[k]
-                            if wp.static(spec.rolling_history):
-                                rolling[m] = particles.rolling[k]
+            for m in range(first, first + count):
+                if neighbor[m] < 0:
+                    j = -neighbor[m] - 1
+                    sign = t.real(1.0)
+                    k = entry(particles, o, order[j])
+                    if wp.static(spec.half_list):
+                        if k < 0:
+                            k = entry(particles, order[j], o)
+                            sign = t.real(-1.0)
+                    if k < 0:
+                        neighbor[m] = j
+                    else:
+                        if wp.static(spec.history):
+                            spring[m] = sign * particles.spring[k]
+                        if wp.static(spec.rolling_history):
+                            rolling[m] = sign * particles.rolling[k]
 
     return build

@@ -20,7 +20,7 @@ from gpudem.device import find_device
 from gpudem.errors import SimulationError
 from gpudem.frames import Frame
 from gpudem.kernels import SETUP, WRITE, step_kernel
-from gpudem.neighbor_list import NeighborList, cell_grid
+from gpudem.neighbor_list import NeighborList, block_size, cell_grid
 from gpudem.neighbors import cell_starts
 from gpudem.scene import Plane, Scene
 from gpudem.spec import Spec
@@ -39,14 +39,19 @@ class Simulation:
     """
 
     def __init__(
-        self, scene: Scene, device: str = "cpu", threads: int | None = None, chunk: int | None = None
+        self,
+        scene: Scene,
+        device: str = "cpu",
+        threads: int | None = None,
+        chunk: int | None = None,
+        half_list: bool | None = None,
     ):
-        self.scene, self.spec = scene, Spec.of(scene)
         self.device = find_device(device)
+        self.scene, self.spec = scene, Spec.of(scene, self.device.is_cpu if half_list is None else half_list)
         self.chunk = chunk or (CUDA_CHUNK if self.device.is_cuda else 1)
         self.state = State(scene, self.spec, self.device, self.chunk)
-        self.crew = Crew(self.state.n, self.device, threads)
         self.params = self._params()
+        self.crew = Crew(self.state.n, self.params.block, self.device, threads)
         if self.spec.several_materials:
             self.state.particles.pairs = pair_table(self.state, scene, scene.particle_materials)
         self.neighbors = NeighborList(scene, self.state, self.params, self.crew)
@@ -73,6 +78,7 @@ class Simulation:
         p.radius, p.mass = float(scene.state.radius.max()), float(masses(scene)[0])
         p.kick = 0.5 * p.dt / p.mass
         p.spin_kick = 0.5 * p.dt / (0.4 * p.radius * p.radius * p.mass)
+        p.block = block_size(self.state.n, cells)
         p.n, p.planes, p.materials = self.state.n, self.state.planes, len(scene.particle_materials)
         p.pair = pair_entries(self.state, scene, scene.particle_materials[:1])[0]
         return p

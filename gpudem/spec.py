@@ -26,9 +26,11 @@ class Spec:
     periodic: tuple[bool, bool, bool] = (False, False, False)
     several_materials: bool = False
     several_radii: bool = False
+    half_list: bool = False
+    """Each pair of a block once; for devices that take the particles of a launch one after the other."""
 
     @classmethod
-    def of(cls, scene: Scene) -> Spec:
+    def of(cls, scene: Scene, half_list: bool = False) -> Spec:
         """The least that a scene needs."""
         needs = scene.needs
         return cls(
@@ -45,6 +47,7 @@ class Spec:
             periodic=scene.domain.periodic,
             several_materials=needs.several_materials,
             several_radii=needs.several_radii,
+            half_list=half_list,
         )
 
     @property

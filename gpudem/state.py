@@ -39,6 +39,7 @@ def structs(precision: str) -> SimpleNamespace:
         spin_kick: real  # dt/(2 I) of equal spheres [s/(kg m2)]
         pair: Pair  # of one material
         n: wp.int32
+        block: wp.int32  # particles of a block: within it a half list holds each pair once
         materials: wp.int32
         planes: wp.int32
 
@@ -66,6 +67,8 @@ def structs(precision: str) -> SimpleNamespace:
         spring: wp.array[vec3]  # shear spring of each entry [m], (capacity,)
         rolling: wp.array[vec3]  # rolling torque kept of each entry [N m], (capacity,)
         pairs: wp.array[Pair]  # coefficients by material pair, (materials^2,)
+        force_so_far: wp.array[vec3]  # from particles before it in its block [N], (n,); half list alone
+        torque_so_far: wp.array[vec3]  # [N m], (n,), likewise
         moved: wp.array[wp.int32]  # k + 1: launch k moved somebody beyond skin/2, (chunk + 1,)
 
     @wp.struct
@@ -141,6 +144,8 @@ class State:
             p.wall_rolling = vectors(n * self.planes, spec.rolling_history)
         p.built_at = vectors()
         p.start = wp.zeros(n + 1, dtype=wp.int32, device=device)
+        p.force_so_far = vectors(n, spec.half_list)
+        p.torque_so_far = vectors(n, spec.half_list and spec.rotation)
         p.moved = wp.zeros(chunk + 1, dtype=wp.int32, device=device)
         self.full: Any = None
 

@@ -12,11 +12,12 @@ from gpudem.contact.tangential import TANGENTIAL
 
 @functools.cache
 def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, path: bool) -> Any:
-    """A function (contact, pair, spring, kept, dt, step) -> (force on i [N], torque [N m], spring, kept).
+    """A function (contact, pair, spring, kept, dt, step) -> (force on i [N], turn [N], rolling [N m], spring).
 
-    `spring` [m] is that of the tangential law, `kept` [N m] the torque of a rolling law in `KEEPS_TORQUE`;
-    dt is 0 at set-up, `step` the time step always. Slots that are "off" leave no code. Antisymmetric in i
-    and j, so that both sides of a contact computed apart give opposite forces.
+    With `turn` = n x F_t the torques are -lever turn - rolling on i, -lever_j turn + rolling on j.
+    `spring` [m] is that of the tangential law, `kept` [N m] the torque `rolling` of the last step, of a law in
+    `KEEPS_TORQUE`; dt is 0 at set-up, `step` the time step always. Slots that are "off" leave no code.
+    Antisymmetric in i and j: both sides of a contact computed apart give opposite forces.
 
     With `path` and dt > 0 the damping force is its mean over the step from `before` to `after`,
     (W(after) - W(before))/dt with W the integral of c_n over the overlap: exact for that path, also where
@@ -42,18 +43,17 @@ def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, p
         if wp.static(limit_force):
             fn = wp.max(fn, type(fn)(0.0))
         force = fn * c.normal
-        torque = type(c.normal)()
+        turn = type(c.normal)()
         if wp.static(tangential_law is not None):
             ft, spring_new = wp.static(tangential_law)(c, p, kt, ct, fn, spring)
             force = force + ft
-            torque = -c.lever * wp.cross(c.normal, ft)
+            turn = wp.cross(c.normal, ft)
         else:
             spring_new = spring
         rolling_torque = type(c.normal)()
         if wp.static(rolling_law is not None):
             rolling_torque = wp.static(rolling_law)(c, p, kn, kt, fn, kept, step)
-            torque = torque - rolling_torque
-        return force, torque, spring_new, rolling_torque
+        return force, turn, rolling_torque, spring_new
 
     return law
 

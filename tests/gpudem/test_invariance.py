@@ -23,19 +23,77 @@ def final(scene: Scene, **options) -> dict[str, np.ndarray]:
     return frame
 
 
+def blocks(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
+    """Cuts the half list into blocks of this many particles."""
+    monkeypatch.setattr("gpudem.solver.block_size", lambda n, cells: size)
+
+
 @pytest.fixture(scope="module")
 def one_thread() -> dict[str, np.ndarray]:
-    return final(falling_bed(), threads=1)
+    with pytest.MonkeyPatch.context() as patch:
+        blocks(patch, 400)
+        return final(falling_bed(), threads=1)
 
 
 @pytest.mark.parametrize(
-    "options", [{"threads": 1}, {"threads": 2}, {"chunk": 32}, {"threads": 2, "chunk": 7}]
+    "options", [{"threads": 1}, {"threads": 2}, {"threads": 5}, {"chunk": 32}, {"threads": 2, "chunk": 7}]
 )
-def test_bit_identical(one_thread, options):
+def test_bit_identical(one_thread, options, monkeypatch):
     """Repeat, cores, and launches between two looks. Catches races, float atomics, stale neighbour lists."""
+    blocks(monkeypatch, 400)
     again = final(falling_bed(), **options)
     for column in one_thread:
         assert np.array_equal(one_thread[column], again[column]), column
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_bit_identical_with_a_full_list(threads, monkeypatch):
+    """The list of CUDA devices, on the CPU in slices."""
+    blocks(monkeypatch, 400)
+    short = falling_bed(time={"step": 2e-5, "duration": 0.02})
+    ends = [final(short, threads=count, half_list=False) for count in (1, threads)]
+    for column in ends[0]:
+        assert np.array_equal(ends[0][column], ends[1][column]), column
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"solver": {"integrator": "path"}},
+        {"contact": {"rolling": "cdt"}, "pairs": [{**p, "rolling_friction": 0.2} for p in PAIRS]},
+        {"contact": {"rolling": "epsd2"}, "pairs": [{**p, "rolling_friction": 0.2} for p in PAIRS]},
+    ],
+    ids=["history", "path", "cdt", "epsd2"],
+)
+def test_half_list_is_only_rounding(changes, monkeypatch):
+    """A pair once, a pair from both sides, and both at the edges of blocks.
+
+    Catches a torque or spring with the wrong sign for the second of a pair, the lever of the first taken for
+    the second, a force kept from the step before, springs lost where a pair moves from one block to two.
+    """
+    scene = falling_bed(1500, time={"step": 2e-5, "duration": 0.02}, walls=falling_bed().walls[:1], **changes)
+    full = final(scene, half_list=False)
+    for size in (1500, 70):
+        blocks(monkeypatch, size)
+        half = final(scene, half_list=True)
+        for column in ("position", "velocity", "angular_velocity", "force", "torque"):
+            scale = np.abs(full[column]).max()
+            assert np.abs(full[column] - half[column]).max() < 1e-9 * scale, (size, column)
+    assert np.abs(full["angular_velocity"]).max() > 1.0
+
+
+def test_half_list_of_several_radii_is_only_rounding(monkeypatch):
+    """Catches the first sphere's lever, mass or radius in the second's torque."""
+    scene = falling_bed(600, time={"step": 1e-5, "duration": 0.03}, walls=falling_bed().walls[:1], particles={
+        "source": "lattice", "material": "ball", "count": 600, "seed": 2, "lo": (0, 0, 0), "hi": (0.1, 0.05, 0.4),
+        "radius": [{"radius": 0.003, "share": 0.5}, {"radius": 0.002, "share": 0.5}], "velocity_rms": 0.2,
+    })  # fmt: skip
+    full = final(scene, half_list=False)
+    blocks(monkeypatch, 100)
+    half = final(scene, half_list=True)
+    for column in ("position", "velocity", "angular_velocity"):
+        assert np.abs(full[column] - half[column]).max() < 1e-9 * np.abs(full[column]).max(), column
 
 
 def test_order_of_particles_is_only_rounding():

@@ -24,15 +24,28 @@ def cloud(
 
 
 def listed_pairs(simulation: Simulation) -> set[tuple[int, int]]:
+    """What the list stands for, in both orders; a half list leaves out j before i in the same block."""
     p = simulation.state.particles
     ids, start = p.id.numpy(), p.start.numpy()
     entries = p.neighbor.numpy()[: start[-1]]
     owner = np.repeat(np.arange(simulation.state.n), np.diff(start))
-    pairs = list(
-        zip(ids[owner].tolist(), ids[np.where(entries < 0, -entries - 1, entries)].tolist(), strict=True)
-    )
+    other = np.where(entries < 0, -entries - 1, entries)
+    if simulation.spec.half_list:
+        block = simulation.params.block
+        within = owner // block == other // block
+        assert (owner[within] < other[within]).all()
+        owner, other = np.r_[owner, other[within]], np.r_[other, owner[within]]
+    pairs = list(zip(ids[owner].tolist(), ids[other].tolist(), strict=True))
     assert len(pairs) == len(set(pairs))  # nobody twice
     return set(pairs)
+
+
+@pytest.fixture(params=["full", "half", "half in blocks"])
+def half_list(request, monkeypatch) -> bool:
+    """The list of a CUDA device, of the CPU, and of the CPU with many particles."""
+    if request.param == "half in blocks":
+        monkeypatch.setattr("gpudem.solver.block_size", lambda n, cells: 60)
+    return request.param != "full"
 
 
 def all_pairs(scene: Scene) -> set[tuple[int, int]]:
@@ -56,28 +69,28 @@ def all_pairs(scene: Scene) -> set[tuple[int, int]]:
         (50, (0.5, 0.5, 0.5), (True, True, True)),
     ],
 )
-def test_equals_all_pairs(ratio, size, periodic):
+def test_equals_all_pairs(ratio, size, periodic, half_list):
     rng = np.random.default_rng(ratio)
     radii = np.full(400, 0.003) if ratio == 1 else 0.1 * size[0] * ratio ** -rng.uniform(0, 1, 400)
     scene = cloud(radii, size, periodic, seed=ratio)
-    simulation = Simulation(scene)
+    simulation = Simulation(scene, half_list=half_list)
     simulation.neighbors.rebuild()
     expected = all_pairs(scene)
     assert listed_pairs(simulation) == expected
     assert len(expected) > 100
 
 
-def test_list_grows():
+def test_list_grows(half_list):
     """2000 neighbours a particle do not fit the first allocation."""
     scene = cloud(np.full(300, 0.003), (0.01, 0.01, 0.01), (False, False, False), seed=1)
-    simulation = Simulation(scene)
+    simulation = Simulation(scene, half_list=half_list)
     simulation.neighbors.rebuild()
     assert listed_pairs(simulation) == all_pairs(scene)
     assert simulation.neighbors.capacity > 16 * 300
 
 
 def layers() -> Scene:
-    """Four layers of spinning, touching balls close up: 8 neighbours each at first, then more than 16."""
+    """Layers of spinning, touching balls close up: with skin 8 neighbours each at first, then more than 16."""
     grid = 0.0059 * np.array([(i, j) for i in range(6) for j in range(6)])
     position = [(x, y, 0.03 + 0.0125 * k) for k in range(4) for x, y in grid]
     return Scene(
@@ -92,7 +105,7 @@ def layers() -> Scene:
     )  # fmt: skip
 
 
-def test_springs_outlive_a_list_that_grows(monkeypatch):
+def test_springs_outlive_a_list_that_grows(monkeypatch, half_list):
     """Bit for bit the same as with room from the start. Catches springs that the old list still held."""
 
     def end(room: int) -> tuple[np.ndarray, bool]:
@@ -105,7 +118,7 @@ def test_springs_outlive_a_list_that_grows(monkeypatch):
 
         with monkeypatch.context() as patch:
             patch.setattr(NeighborList, "_allocate", roomy)
-            simulation = Simulation(layers(), threads=1)
+            simulation = Simulation(layers(), threads=1, half_list=half_list)
             simulation.start()
             simulation.advance(layers().n_steps - 1)
             simulation.write_step()
