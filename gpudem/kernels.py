@@ -16,7 +16,7 @@ import warp as wp
 from gpudem.contact.law import contact_law, damping_force
 from gpudem.contact.types import contact_struct
 from gpudem.spec import Spec
-from gpudem.state import structs
+from gpudem.state import body_struct, structs
 from gpudem.walls import plane_distance
 
 #: Mode bits. SETUP: velocities are at the full step, springs only evaluated. WRITE: keep forces, velocities.
@@ -57,7 +57,8 @@ def step_kernel(spec: Spec) -> Any:
     """The step kernel of one Spec."""
     t = structs(spec.precision)
     real, vec3 = t.real, t.vec3
-    Params, Motion, Particles, Walls, Full = t.Params, t.Motion, t.Particles, t.Walls, t.Full
+    Params, Particles, Walls, Full = t.Params, t.Particles, t.Walls, t.Full
+    Body = body_struct(spec.precision, spec.rotation, spec.path)
     Pair = t.Pair
     Contact = contact_struct(real)
     law = contact_law(spec.normal, spec.tangential, spec.rolling, spec.limit_force, spec.path)
@@ -135,22 +136,22 @@ def step_kernel(spec: Spec) -> Any:
         launch: wp.int32,
         # in
         walls: Walls,
-        now: Motion,
+        now: wp.array[Body],
         # in and out
         particles: Particles,
         # out
-        after: Motion,
+        after: wp.array[Body],
         full: Full,
     ):
         i = begin + wp.tid()
         if particles.moved[launch] != 0:  # an earlier launch of this chunk made the list out of date
             particles.moved[launch + 1] = 1
             return
-        x = now.position[i]
-        v = now.velocity[i]
+        x = now[i].position
+        v = now[i].velocity
         w = vec3()
         if wp.static(spec.rotation):
-            w = now.angular_velocity[i]
+            w = now[i].angular_velocity
         radius = params.radius
         if wp.static(spec.several_radii):
             radius = particles.radius[i]
@@ -167,9 +168,9 @@ def step_kernel(spec: Spec) -> Any:
         w_ahead = w
         if wp.static(spec.path):
             if not (mode & SETUP):
-                v_ahead = now.velocity_ahead[i]
+                v_ahead = now[i].velocity_ahead
                 if wp.static(spec.rotation):
-                    w_ahead = now.angular_velocity_ahead[i]
+                    w_ahead = now[i].angular_velocity_ahead
 
         force = vec3()
         torque = vec3()
@@ -190,7 +191,7 @@ def step_kernel(spec: Spec) -> Any:
             if wp.static(spec.memory):
                 if entry < 0:
                     j = -entry - 1
-            d = nearest(x - now.position[j], params.size)
+            d = nearest(x - now[j].position, params.size)
             rsq = wp.dot(d, d)
             radius_j = params.radius
             if wp.static(spec.several_radii):
@@ -202,18 +203,18 @@ def step_kernel(spec: Spec) -> Any:
                     mass_j = particles.mass[j]
                 c = pair_contact(d, rsq, radius, radius_j, mass, mass_j)
                 lever_j = radius_j - real(0.5) * c.overlap
-                v_j = now.velocity[j]
+                v_j = now[j].velocity
                 w_j = vec3()
                 if wp.static(spec.rotation):
-                    w_j = now.angular_velocity[j]
+                    w_j = now[j].angular_velocity
                     c.spin = w - w_j
                 behind = turned(c, v - v_j, w, w_j, lever_j)
                 ahead = behind
                 if wp.static(spec.path):
                     if not (mode & SETUP):
-                        v_j = now.velocity_ahead[j]
+                        v_j = now[j].velocity_ahead
                         if wp.static(spec.rotation):
-                            w_j = now.angular_velocity_ahead[j]
+                            w_j = now[j].angular_velocity_ahead
                         ahead = turned(c, v_ahead - v_j, w_ahead, w_j, lever_j)
                 c = set_motion(c, behind, ahead, dt)
                 pair = params.pair
@@ -254,7 +255,7 @@ def step_kernel(spec: Spec) -> Any:
                         if wp.static(spec.several_masses):
                             mass_j = particles.mass[j]
                         c = pair_contact(d, rsq, radius, radius_j, mass, mass_j)
-                        c = set_motion(c, v - now.velocity[j], v_ahead - now.velocity_ahead[j], dt)
+                        c = set_motion(c, v - now[j].velocity, v_ahead - now[j].velocity_ahead, dt)
                         pair = params.pair
                         if wp.static(spec.several_materials):
                             pair = particles.pairs[material * params.materials + particles.material[j]]
@@ -335,15 +336,15 @@ def step_kernel(spec: Spec) -> Any:
                 full.torque[i] = torque
         v = v + kick * force
         x = x + params.dt * v
-        after.velocity[i] = v
-        after.position[i] = x
+        after[i].velocity = v
+        after[i].position = x
         if wp.static(spec.rotation):
             w = w + spin_kick * torque
-            after.angular_velocity[i] = w
+            after[i].angular_velocity = w
         if wp.static(spec.path):
-            after.velocity_ahead[i] = v + real(2.0) * kick * force
+            after[i].velocity_ahead = v + real(2.0) * kick * force
             if wp.static(spec.rotation):
-                after.angular_velocity_ahead[i] = w + real(2.0) * spin_kick * torque
+                after[i].angular_velocity_ahead = w + real(2.0) * spin_kick * torque
         shift = x - particles.built_at[i]
         if not (wp.dot(shift, shift) <= params.move_limit):  # true for NaN too
             particles.moved[launch + 1] = 1

@@ -75,6 +75,7 @@ class NeighborList:
             self._moved_arrays += ["wall_rolling"] * spec.rolling_history
         self._kept = [*(["spring"] * spec.history), *(["rolling"] * spec.rolling_history)]
         self.spring = self.rolling = None
+        self.scratch.built_at = state.particles.built_at  # rebuilding writes it anew
         for name in self._moved_arrays:
             setattr(self.scratch, name, wp.zeros_like(getattr(state.particles, name)))
         self.kernels = {
@@ -125,8 +126,7 @@ class NeighborList:
             device=state.device,
         )
         self._run("gather")
-        for name in state.motion_arrays:
-            wp.copy(getattr(state.now, name), getattr(state.scratch, name))
+        wp.copy(state.now, state.scratch)
         for name in self._moved_arrays:
             wp.copy(getattr(p, name), getattr(self.scratch, name))
         self._run("count")
@@ -140,7 +140,6 @@ class NeighborList:
         wp.copy(p.neighbor, self.neighbor)
         for name in self._kept:
             wp.copy(getattr(p, name), getattr(self, name))
-        wp.copy(p.built_at, state.now.position)
         p.moved.zero_()
         self.rebuilds += 1
 
@@ -149,7 +148,7 @@ class NeighborList:
         parity = id(state.now)
         if (name, parity) not in self._commands:
             p, now, scratch = state.particles, state.now, state.scratch
-            listing = [now, p, self.key, self.cell_start, self.order]
+            listing = [p, self.key, self.cell_start, self.order]
             inputs, outputs = {
                 "cells": ([p, now], [self.key, self.order, self.status]),
                 "gather": ([self.order, self.walls, now, p], [scratch, self.scratch]),

@@ -2,7 +2,7 @@
 
 Rebuilding: cell of each particle -> stable sort -> particle arrays re-ordered -> neighbours counted, offsets
 summed, list filled from the 27 cells around -> springs of touching pairs found again. All on the device.
-The list is compact; full (i holds j and j holds i), or half within each block of particles (the first holds
+The list is compact, touching pairs first; full (i holds j and j holds i), or half within each block of particles (the first holds
 the other) and full across blocks.
 """
 
@@ -13,7 +13,7 @@ import warp as wp
 
 from gpudem.kernels import nearest_image
 from gpudem.spec import Spec
-from gpudem.state import structs
+from gpudem.state import body_struct, structs
 from gpudem.walls import plane_distance
 
 #: Neighbours of a particle that the count remembers for the fill; one with more is searched again.
@@ -47,7 +47,8 @@ def cell_kernel(spec: Spec) -> Any:
     """Wraps periodic positions, writes the cell of each particle, reports lost particles and NaN."""
     t = structs(spec.precision)
     vec3 = t.vec3
-    Params, Motion, Particles = t.Params, t.Motion, t.Particles
+    Params, Particles = t.Params, t.Particles
+    Body = body_struct(spec.precision, spec.rotation, spec.path)
     px, py, pz = spec.periodic
 
     @wp.func
@@ -66,14 +67,14 @@ def cell_kernel(spec: Spec) -> Any:
         # in
         particles: Particles,
         # in and out
-        now: Motion,
+        now: wp.array[Body],
         # out
         key: wp.array[wp.int32],
         order: wp.array[wp.int32],
         status: wp.array[wp.int32],
     ):
         i = begin + wp.tid()
-        p = now.position[i]
+        p = now[i].position
         x, y, z = p[0], p[1], p[2]
         if wp.static(px):
             x = wrap(x, params.lo[0], params.size[0])
@@ -82,7 +83,7 @@ def cell_kernel(spec: Spec) -> Any:
         if wp.static(pz):
             z = wrap(z, params.lo[2], params.size[2])
         p = vec3(x, y, z)
-        now.position[i] = p
+        now[i].position = p
         cell = wp.vec3i()
         for a in range(3):
             s = p[a] - params.lo[a]
@@ -104,7 +105,8 @@ def cell_kernel(spec: Spec) -> Any:
 def gather_kernel(spec: Spec) -> Any:
     """Copies the particle arrays into scratch arrays in the new order; marks the planes near a particle."""
     t = structs(spec.precision)
-    Params, Motion, Particles, Walls = t.Params, t.Motion, t.Particles, t.Walls
+    Params, Particles, Walls = t.Params, t.Particles, t.Walls
+    Body = body_struct(spec.precision, spec.rotation, spec.path)
     walls_with_memory = spec.walls and spec.memory
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -115,23 +117,17 @@ def gather_kernel(spec: Spec) -> Any:
         # in
         order: wp.array[wp.int32],
         walls: Walls,
-        now: Motion,
+        now: wp.array[Body],
         particles: Particles,
         # out
-        moved: Motion,
+        moved: wp.array[Body],
         moved_particles: Particles,
     ):
         i = begin + wp.tid()
         o = order[i]
-        moved.position[i] = now.position[o]
-        moved.velocity[i] = now.velocity[o]
+        moved[i] = now[o]
+        moved_particles.built_at[i] = now[o].position
         moved_particles.id[i] = particles.id[o]
-        if wp.static(spec.rotation):
-            moved.angular_velocity[i] = now.angular_velocity[o]
-        if wp.static(spec.path):
-            moved.velocity_ahead[i] = now.velocity_ahead[o]
-        if wp.static(spec.path and spec.rotation):
-            moved.angular_velocity_ahead[i] = now.angular_velocity_ahead[o]
         if wp.static(spec.several_radii):
             moved_particles.radius[i] = particles.radius[o]
         if wp.static(spec.several_masses):
@@ -144,7 +140,7 @@ def gather_kernel(spec: Spec) -> Any:
                 reach = particles.radius[o]
             near = wp.int32(0)
             for k in range(params.planes):
-                if plane_distance(now.position[o], walls.normal[k], walls.offset[k]) < reach + params.skin:
+                if plane_distance(now[o].position, walls.normal[k], walls.offset[k]) < reach + params.skin:
                     near = near | (1 << k)
             moved_particles.wall_near[i] = near
         if wp.static(walls_with_memory):
@@ -186,7 +182,7 @@ def cell_starts(
 def list_kernel(spec: Spec, fill: bool) -> Any:
     """Counts the neighbours of each particle, or (`fill`) writes them and finds springs of touching pairs."""
     t = structs(spec.precision)
-    Params, Motion, Particles = t.Params, t.Motion, t.Particles
+    Params, Particles = t.Params, t.Particles
     nearest = nearest_image(spec.periodic, spec.precision)
     px, py, pz = spec.periodic
     carry = fill and spec.memory
@@ -207,7 +203,6 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
         params: Params,
         begin: wp.int32,
         # in
-        now: Motion,
         particles: Particles,
         key: wp.array[wp.int32],
         cell_start: wp.array[wp.int32],
@@ -221,7 +216,7 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
         rolling: wp.array[t.vec3],
     ):
         i = begin + wp.tid()
-        x = now.position[i]
+        x = particles.built_at[i]
         reach = params.radius + params.radius
         if wp.static(spec.several_radii):
             reach = particles.radius[i]
@@ -233,6 +228,7 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
         cy = key[i] // nx % ny
         cz = key[i] // (nx * ny)
         count = wp.int32(0)
+        touching = wp.int32(0)
         first = wp.int32(0)
         lowest = first_cell(cz, nz, wp.static(pz))
         highest = last_cell(cz, nz, wp.static(pz))
@@ -264,7 +260,7 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
                         if begin_j >= block:
                             begin_j = wp.max(begin_j, i + 1)
                     for j in range(begin_j, cell_start[end_cell]):
-                        d = nearest(x - now.position[j], params.size)
+                        d = nearest(x - particles.built_at[j], params.size)
                         rsq = wp.dot(d, d)
                         touch = reach
                         if wp.static(spec.several_radii):
@@ -274,14 +270,19 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
                             if wp.static(spec.half_list):
                                 if j >= block and j < i:
                                     continue
+                            at = wp.int32(0) + count
                             found_j = wp.int32(0) + j
-                            if wp.static(spec.memory):
-                                if rsq < touch * touch:
+                            if rsq < touch * touch:
+                                if wp.static(spec.memory):
                                     found_j = -j - 1
+                                at = wp.int32(0) + touching
+                                touching += 1
                             if wp.static(fill):
-                                neighbor[first + count] = found_j
+                                neighbor[first + count] = neighbor[first + at]
+                                neighbor[first + at] = found_j
                             elif count < HITS:
-                                hits[i * HITS + count] = found_j
+                                hits[i * HITS + count] = hits[i * HITS + at]
+                                hits[i * HITS + at] = found_j
                             count += 1
         if wp.static(not fill):
             start[i] = count

@@ -192,9 +192,10 @@ class Simulation:
         self._commands[key]()
 
     def _take_full_velocities(self) -> None:
-        wp.copy(self.state.now.velocity, self.state.full.velocity)
-        if self.spec.rotation:
-            wp.copy(self.state.now.angular_velocity, self.state.full.angular_velocity)
+        bodies = self.state.now.numpy()
+        for name in ("velocity", *(["angular_velocity"] * self.spec.rotation)):
+            bodies[name] = getattr(self.state.full, name).numpy()
+        self.state.now.assign(bodies)
 
     # -- reading -------------------------------------------------------------------------------------------
 
@@ -203,21 +204,21 @@ class Simulation:
         state, scene = self.state, self.scene
         row = state.particles.id.numpy()
 
-        def by_id(array: Any) -> np.ndarray:
+        def by_id(values: np.ndarray) -> np.ndarray:
             out = np.empty((state.n, 3))
-            out[row] = array.numpy()
+            out[row] = values
             return out
 
         full, zeros = state.full, np.zeros((state.n, 3))
         frame = {
             "id": np.arange(1, state.n + 1, dtype=np.int64),
             "material": scene.state.material.astype(np.int32),
-            "position": self._inside(by_id(self._written.position)),
-            "velocity": by_id(full.velocity),
-            "angular_velocity": by_id(full.angular_velocity) if self.spec.rotation else zeros,
+            "position": self._inside(by_id(self._written.numpy()["position"])),
+            "velocity": by_id(full.velocity.numpy()),
+            "angular_velocity": by_id(full.angular_velocity.numpy()) if self.spec.rotation else zeros,
             "radius": scene.state.radius,
-            "force": by_id(full.force),
-            "torque": by_id(full.torque) if self.spec.rotation else zeros,
+            "force": by_id(full.force.numpy()),
+            "torque": by_id(full.torque.numpy()) if self.spec.rotation else zeros,
         }
         for name in ("position", "velocity"):
             if not np.isfinite(frame[name]).all():

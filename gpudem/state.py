@@ -18,7 +18,7 @@ from gpudem.spec import Spec
 
 @functools.cache
 def structs(precision: str) -> SimpleNamespace:
-    """The argument structs of the kernels in one precision: Params, Motion, Particles, Walls, Full."""
+    """The argument structs of the kernels in one precision: Params, Particles, Walls, Full."""
     real = REAL[precision]
     vec3 = wp.types.vector(3, real)
     Pair = pair_struct(real)
@@ -42,14 +42,6 @@ def structs(precision: str) -> SimpleNamespace:
         block: wp.int32  # particles of a block: within it a half list holds each pair once
         materials: wp.int32
         planes: wp.int32
-
-    @wp.struct
-    class Motion:
-        position: wp.array[vec3]  # [m], (n,)
-        velocity: wp.array[vec3]  # [m/s], (n,), half a step behind the positions
-        angular_velocity: wp.array[vec3]  # [rad/s], (n,), likewise
-        velocity_ahead: wp.array[vec3]  # predicted half a step ahead [m/s], (n,); integrator "path" alone
-        angular_velocity_ahead: wp.array[vec3]  # [rad/s], (n,), likewise
 
     @wp.struct
     class Particles:
@@ -90,11 +82,23 @@ def structs(precision: str) -> SimpleNamespace:
         vec3=vec3,
         Pair=Pair,
         Params=Params,
-        Motion=Motion,
         Particles=Particles,
         Walls=Walls,
         Full=Full,
     )
+
+
+@functools.cache
+def body_struct(precision: str, rotation: bool, path: bool) -> Any:
+    """The struct `Body`: what moves of a particle, side by side in memory, for it is read together.
+
+    position [m]; velocity [m/s], angular_velocity [rad/s]: half a step behind it; velocity_ahead,
+    angular_velocity_ahead: predicted half a step ahead, with integrator "path" alone.
+    """
+    vec3 = structs(precision).vec3
+    fields = ["position", "velocity", *(["angular_velocity"] * rotation)]
+    fields += ["velocity_ahead"] * path + ["angular_velocity_ahead"] * (path and rotation)
+    return wp.struct(type("Body", (), {"__annotations__": dict.fromkeys(fields, vec3)}))
 
 
 class State:
@@ -109,21 +113,12 @@ class State:
         def vectors(count: int = n, need: bool = True) -> Any:
             return wp.zeros(count, dtype=t.vec3, device=device) if need else None
 
-        def motion() -> Any:
-            m = t.Motion()
-            m.position, m.velocity, m.angular_velocity = vectors(), vectors(), vectors(n, spec.rotation)
-            m.velocity_ahead = vectors(n, spec.path)
-            m.angular_velocity_ahead = vectors(n, spec.path and spec.rotation)
-            return m
-
-        self.motion_arrays = ["position", "velocity", *(["angular_velocity"] * spec.rotation)]
-        self.motion_arrays += ["velocity_ahead"] * spec.path
-        self.motion_arrays += ["angular_velocity_ahead"] * (spec.path and spec.rotation)
-        self.now, self.next, self.scratch = motion(), motion(), motion()
-        self.now.position.assign(initial.position)
-        self.now.velocity.assign(initial.velocity)
-        if spec.rotation:
-            self.now.angular_velocity.assign(initial.angular_velocity)
+        Body = body_struct(spec.precision, spec.rotation, spec.path)
+        bodies = np.zeros(n, dtype=Body.numpy_dtype())
+        for name in ("position", "velocity", *(["angular_velocity"] * spec.rotation)):
+            bodies[name] = getattr(initial, name)
+        self.now = wp.array(bodies, dtype=Body, device=device)
+        self.next, self.scratch = wp.zeros_like(self.now), wp.zeros_like(self.now)
 
         self.particles = p = t.Particles()
         p.id = wp.array(np.arange(n, dtype=np.int32), device=device)
@@ -164,10 +159,10 @@ class State:
 
     def arrays(self) -> dict[str, wp.array]:
         """Every array there is, by name: what a scene costs in memory."""
-        groups = {"now": self.now, "next": self.next, "scratch": self.scratch, "particles": self.particles}
+        groups = {"particles": self.particles}
         if self.full is not None:
             groups["full"] = self.full
-        found = {}
+        found = {"now": self.now, "next": self.next, "scratch": self.scratch}
         for group, struct in groups.items():
             for name in struct._cls.vars:
                 value = getattr(struct, name)
