@@ -60,6 +60,7 @@ class Simulation:
         self._commands: dict[tuple[int, int, int], Callable[[], None]] = {}
         self._graphs: dict[tuple[int, int], Any] = {}
         self.step_count = 0
+        self._stale = False
         self._moved = self.state.particles.moved.numpy() if self.device.is_cpu else None
         self.walls: Any = None
         self.compile_s = self._compile()
@@ -107,20 +108,24 @@ class Simulation:
         self.neighbors.set_walls(self.walls)
         self._rebuild()
         self._launch(SETUP | (WRITE if write else 0))
+        self._stale = bool(self._moved_flags()[1])
         self.state.swap()
 
     def advance(self, steps: int) -> None:
         """Do `steps` steps without output."""
         while steps > 0:
-            self._rebuild_if_moved()
+            if self._stale:
+                self._rebuild()
             done = self._launch_chunk(min(steps, self.chunk))
             self.step_count += done
             steps -= done
 
     def write_step(self, last: bool = False) -> None:
         """One more step, whose positions, velocities and forces can then be read; `last`: stay there."""
-        self._rebuild_if_moved()
+        if self._stale:
+            self._rebuild()
         self._launch(WRITE)
+        self._stale = bool(self._moved_flags()[1])
         self.step_count += 1
         if not last:
             self.state.swap()
@@ -135,7 +140,8 @@ class Simulation:
         else:
             self._launch_each(steps)
         moved = self._moved_flags()
-        if not moved[steps]:
+        self._stale = bool(moved[steps])
+        if not self._stale:
             return steps
         done = int(np.argmax(moved[1 : steps + 1])) + 1
         if (steps - done) % 2:
@@ -161,11 +167,6 @@ class Simulation:
 
     def _moved_flags(self) -> np.ndarray:
         return self._moved if self._moved is not None else self.state.particles.moved.numpy()
-
-    def _rebuild_if_moved(self) -> None:
-        moved = self._moved_flags()
-        if moved[1] or (self.chunk > 1 and moved.any()):
-            self._rebuild()
 
     def _rebuild(self) -> None:
         try:
@@ -243,10 +244,14 @@ class Simulation:
         """Bytes of every device array, by name."""
         own = {f"list.{k}": v for k, v in vars(self.neighbors).items() if isinstance(v, wp.array)}
         own |= {f"list.{k}": getattr(self.neighbors.scratch, k) for k in self.neighbors._moved_arrays}
-        return {
-            name: array.size * wp.types.type_size_in_bytes(array.dtype)
-            for name, array in (self.state.arrays() | own).items()
-        }
+        found = {}
+        for name, array in (self.state.arrays() | own).items():
+            fields = getattr(array.dtype, "vars", {})
+            for field, var in fields.items():
+                found[f"{name}.{field}"] = array.size * wp.types.type_size_in_bytes(var.type)
+            if not fields:
+                found[name] = array.size * wp.types.type_size_in_bytes(array.dtype)
+        return found
 
     def close(self) -> None:
         """End the threads."""

@@ -11,6 +11,22 @@ from gpudem.contact.tangential import TANGENTIAL
 
 
 @functools.cache
+def mean_damping(normal: str) -> Any:
+    """A function (contact, pair, dt) -> damping force [N], its mean over the step from `before` to `after`.
+
+    (W(after) - W(before))/dt with W the integral of c_n over the overlap: exact for that path, also where c_n
+    starts like overlap^(1/4).
+    """
+    damping_work = DAMPING_WORK[normal]
+
+    @wp.func
+    def mean(c: Any, p: Any, dt: Any):
+        return (wp.static(damping_work)(c, p, c.after) - wp.static(damping_work)(c, p, c.before)) / dt
+
+    return mean
+
+
+@functools.cache
 def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, path: bool) -> Any:
     """A function (contact, pair, spring, kept, dt, step) -> (force on i [N], turn [N], rolling [N m], spring).
 
@@ -19,12 +35,11 @@ def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, p
     `KEEPS_TORQUE`; dt is 0 at set-up, `step` the time step always. Slots that are "off" leave no code.
     Antisymmetric in i and j: both sides of a contact computed apart give opposite forces.
 
-    With `path` and dt > 0 the damping force is its mean over the step from `before` to `after`,
-    (W(after) - W(before))/dt with W the integral of c_n over the overlap: exact for that path, also where
-    c_n starts like overlap^(1/4). The tangential dashpot takes the mean of its coefficient likewise.
+    With `path` and dt > 0 the damping force is `mean_damping`, and the tangential dashpot takes the mean of
+    its coefficient likewise.
     """
     normal_law = NORMAL[normal]
-    damping_work = DAMPING_WORK[normal]
+    damping_over_step = mean_damping(normal)
     tangential_law = TANGENTIAL.get(tangential)
     rolling_law = ROLLING.get(rolling)
 
@@ -34,11 +49,10 @@ def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, p
         damping = -cn * c.normal_velocity
         if wp.static(path):
             if dt > type(dt)(0.0):
-                work = wp.static(damping_work)(c, p, c.after) - wp.static(damping_work)(c, p, c.before)
-                damping = work / dt
+                damping = wp.static(damping_over_step)(c, p, dt)
                 travel = c.after - c.before
                 if wp.abs(travel) > type(dt)(0.001) * c.overlap and cn > type(dt)(0.0):
-                    ct = ct * (work / (travel * cn))
+                    ct = ct * (damping * dt / (travel * cn))
         fn = kn * c.overlap + damping
         if wp.static(limit_force):
             fn = wp.max(fn, type(fn)(0.0))
@@ -65,12 +79,11 @@ def damping_force(normal: str, limit_force: bool) -> Any:
     For pairs apart at the step itself, whose path reaches into contact half a step before or ahead: the
     windows of consecutive steps join, so nothing of the damping's integral is lost or counted twice.
     """
-    damping_work = DAMPING_WORK[normal]
+    damping_over_step = mean_damping(normal)
 
     @wp.func
     def force(c: Any, p: Any, dt: Any):
-        work = wp.static(damping_work)(c, p, c.after) - wp.static(damping_work)(c, p, c.before)
-        fn = work / dt
+        fn = wp.static(damping_over_step)(c, p, dt)
         if wp.static(limit_force):
             fn = wp.max(fn, type(fn)(0.0))
         return fn
