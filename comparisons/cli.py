@@ -59,6 +59,18 @@ def run(scene: Path, code: str, out: Path | None, quiet: bool, **options: Any) -
 
 
 @app.command()
+@click.argument("directory", type=click.Path(path_type=Path))
+@DEVICE
+@THREADS
+@QUIET
+def resume(directory: Path, device: str, threads: int | None, quiet: bool) -> int:
+    """Go on with a stopped run from its restart file (scene: output.restart_every)."""
+    from comparisons import cli_scene
+
+    return cli_scene.resume(directory, device, threads, quiet)
+
+
+@app.command()
 @SCENE
 def deck(scene: Path) -> int:
     """Print the LIGGGHTS deck of a scene."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -9,6 +10,8 @@ import numpy as np
 
 from comparisons import codes, execute, progress, provenance, setup_table
 from gpudem.errors import GpudemError
+from gpudem.restart import FILE, Restart
+from gpudem.run import Run
 from gpudem.scene import Scene
 
 
@@ -25,18 +28,42 @@ def run(path: Path, code: str, options: codes.Options, out: Path | None, quiet: 
         execute.own_directory(out) if out else execute.new_directory(Path("runs"), provenance.commit()[0])
     )
     (directory / "scene.json").write_text(scene.to_json())
+    return _shown(
+        scene, path, code, directory, quiet,
+        lambda step: codes.CODES[code].run(scene, directory, options, step, {}),
+    )  # fmt: skip
+
+
+def resume(directory: Path, device: str, threads: int | None, quiet: bool) -> int:
+    """Go on with a run of gpudem from its restart file."""
+    from gpudem import simulation
+
+    restart = Restart.load(directory)
+    click.echo(f"from step {restart.step}, t = {restart.step * restart.scene.time.step:.9g} s", err=True)
+    return _shown(
+        restart.scene, directory, "gpudem", directory, quiet,
+        lambda step: simulation.resume(directory, device=device, threads=threads, progress=step),
+    )  # fmt: skip
+
+
+def _shown(
+    scene: Scene, what: Path, code: str, directory: Path, quiet: bool, start: Callable[[codes.Progress], Run]
+) -> int:
+    """Run with progress and a last line; Ctrl-C keeps what is on disk. Raises RunError."""
     reporter = progress.reporter(quiet)
     reporter.say(f"{scene.name}: {len(scene.state)} particles, {scene.n_steps} steps -> {directory}")
     reporter.begin(scene.name, len(scene.state), scene.n_steps)
     try:
-        result = codes.CODES[code].run(scene, directory, options, reporter.step, {})
+        result = start(reporter.step)
     except KeyboardInterrupt:
         reporter.close()
         click.echo(f"interrupted at step {reporter.pace.done}; what is on disk stays: {directory}", err=True)
+        if (directory / FILE).is_file():
+            click.echo(f"go on with: gpudem resume {directory}", err=True)
         return 130
     except GpudemError as error:
         raise RunError(
-            f"{codes.title(code)} could not run {path}: {error}\nwhat is on disk stays: {directory}"
+            f"{codes.title(code)} could not run {what}: {error}\nwhat is on disk stays: {directory}"
         ) from error
     finally:
         reporter.end()

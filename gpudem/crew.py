@@ -17,7 +17,7 @@ import warp as wp
 
 
 class Crew:
-    """Runs recorded launches on `threads` cores; the caller's thread takes the first. A slice is whole blocks."""
+    """Runs recorded launches on `threads` cores, in whole blocks; the caller's thread takes the first."""
 
     def __init__(self, n: int, block: int, device: Any, threads: int | None = None):
         self.device, self.n = device, n

@@ -70,10 +70,14 @@ def _walls_mesh(planes: list[Plane], lo: np.ndarray, hi: np.ndarray) -> tuple[np
 class FrameWriter:
     """Writes frames/p_<step>.vtu and, after each, run.pvd, so that an aborted run still opens."""
 
-    def __init__(self, directory: Path, scene: Scene):
+    def __init__(self, directory: Path, scene: Scene, resumed_at: int | None = None):
+        """`resumed_at`: keep the entries of run.pvd up to this step; later frames are written anew."""
         self.directory, self.scene = directory, scene
         (directory / "frames").mkdir(parents=True, exist_ok=True)
         self._entries: list[tuple[float, int, str]] = []
+        if resumed_at is not None and (directory / PVD).is_file():
+            limit = (resumed_at + 0.5) * scene.time.step
+            self._entries = [entry for entry in read_pvd(directory / PVD) if entry[0] < limit]
         self._walls = [(a, self._write_walls(k, planes)) for k, (a, _, planes) in enumerate(scene.segments)]
 
     def add(self, step: int, frame: Frame) -> None:
@@ -109,6 +113,17 @@ def write_pvd(path: Path, entries: list[tuple[float, int, str]]) -> None:
     partial.replace(path)
 
 
+def read_pvd(path: Path) -> list[tuple[float, int, str]]:
+    """What `write_pvd` wrote. Raises FrameError if it is missing or broken."""
+    if not path.is_file():
+        raise FrameError(f"{path}: no such file; the run wrote no frames here")
+    try:
+        sets = ElementTree.parse(path).getroot().findall("Collection/DataSet")
+        return [(float(s.attrib["timestep"]), int(s.attrib["part"]), s.attrib["file"]) for s in sets]
+    except (ElementTree.ParseError, KeyError, ValueError) as error:
+        raise FrameError(f"{path}: truncated or corrupted ({type(error).__name__}: {error})") from error
+
+
 @dataclasses.dataclass(frozen=True)
 class Frames:
     """The frames of a run, read when asked for: `frames[0]`, `frames[-1]`, `for frame in frames`."""
@@ -121,14 +136,7 @@ class Frames:
     @classmethod
     def open(cls, directory: Path) -> Frames:
         """From run.pvd. Raises FrameError if it is missing or broken."""
-        path = directory / PVD
-        if not path.is_file():
-            raise FrameError(f"{path}: no such file; the run wrote no frames here")
-        try:
-            sets = ElementTree.parse(path).getroot().findall("Collection/DataSet")
-            mine = [(float(s.attrib["timestep"]), s.attrib["file"]) for s in sets if s.get("part") == "0"]
-        except (ElementTree.ParseError, KeyError, ValueError) as error:
-            raise FrameError(f"{path}: truncated or corrupted ({type(error).__name__}: {error})") from error
+        mine = [(time, name) for time, part, name in read_pvd(directory / PVD) if part == 0]
         return cls(directory, np.array([time for time, _ in mine]), [name for _, name in mine])
 
     def __len__(self) -> int:

@@ -108,6 +108,17 @@ class NeighborList:
         self._commands.clear()
         self.grew()
 
+    @property
+    def entry_arrays(self) -> tuple[str, ...]:
+        """Arrays of `state.particles` with one value for each entry of the list."""
+        return ("neighbor", *self._kept)
+
+    def make_room(self, entries: int) -> None:
+        """Let the list hold so many entries, whose old values are lost."""
+        if entries > self.capacity:
+            self.rebuilds = 0
+            self._allocate(int(1.2 * entries))
+
     def set_walls(self, walls: Any) -> None:
         """The planes to look for from now on; `rebuild` must follow."""
         self.walls = walls

@@ -2,8 +2,8 @@
 
 Rebuilding: cell of each particle -> stable sort -> particle arrays re-ordered -> neighbours counted, offsets
 summed, list filled from the 27 cells around -> springs of touching pairs found again. All on the device.
-The list is compact, touching pairs first; full (i holds j and j holds i), or half within each block of particles (the first holds
-the other) and full across blocks.
+The list is compact, touching pairs first; full (i holds j and j holds i), or half within each block of
+particles (the first holds the other) and full across blocks.
 """
 
 import functools

@@ -9,6 +9,7 @@ import numpy as np
 
 from gpudem.errors import GpudemError
 from gpudem.frames import Frame, FrameWriter
+from gpudem.restart import Restart
 from gpudem.run import HISTORY_COLUMNS, TRACE_COLUMNS
 from gpudem.scene import Scene
 from gpudem.state import masses
@@ -36,7 +37,7 @@ def bulk(scene: Scene, frame: Frame, mass: np.ndarray, step: int, contacts: int)
 class Recorder:
     """Collects the output of one run. `due(step)`: is anything wanted at a step; `next_after`: when."""
 
-    def __init__(self, scene: Scene, directory: Path | None):
+    def __init__(self, scene: Scene, directory: Path | None, resumed: Restart | None = None):
         self.scene, self.mass = scene, masses(scene)
         output = scene.output
         self.frame_stride = scene.frame_stride if directory is not None else None
@@ -48,14 +49,18 @@ class Recorder:
         if directory is not None:
             try:
                 directory.mkdir(parents=True, exist_ok=True)
-                self.writer = FrameWriter(directory, scene)
+                self.writer = FrameWriter(directory, scene, resumed.step if resumed else None)
             except OSError as error:
                 raise GpudemError(f"{directory}: cannot be written: {error.strerror}") from error
         self._trace: list[tuple[int, Frame]] = []
         self._history: list[tuple[float, ...]] = []
+        self.restart_stride = scene.stride(output.restart_every) if directory is not None else None
+        if resumed:
+            self._take(resumed.recorded)
 
     def _strides(self) -> list[int]:
-        return [s for s in (self.frame_stride, self.trace_stride, self.history_stride) if s]
+        strides = (self.frame_stride, self.trace_stride, self.history_stride, self.restart_stride)
+        return [s for s in strides if s]
 
     def due(self, step: int) -> bool:
         """Whether this step is to be written."""
@@ -64,6 +69,23 @@ class Recorder:
     def next_after(self, step: int) -> int:
         """The next step to be written (the last step of the run if none is)."""
         return min([(step // s + 1) * s for s in self._strides()], default=self.scene.n_steps)
+
+    def restart_due(self, step: int) -> bool:
+        """Whether a restart file is to be written at this step."""
+        return bool(self.restart_stride) and step % self.restart_stride == 0 and 0 < step < self.scene.n_steps
+
+    def saved(self) -> dict[str, np.ndarray]:
+        """What is kept in memory, for a restart file; frames are on disk."""
+        kept = {"history": np.array(self._history)} if self._history else {}
+        if self._trace:
+            kept["trace.step"] = np.array([step for step, _ in self._trace])
+            kept |= {f"trace.{k}": np.stack([f[k] for _, f in self._trace]) for k in TRACE_COLUMNS}
+        return kept
+
+    def _take(self, saved: dict[str, np.ndarray]) -> None:
+        self._history = [tuple(row) for row in saved.get("history", np.empty((0, 0))).tolist()]
+        for k, step in enumerate(saved.get("trace.step", np.empty(0, int)).tolist()):
+            self._trace.append((step, {name: saved[f"trace.{name}"][k] for name in TRACE_COLUMNS}))
 
     def add(self, step: int, frame: Frame, contacts: int) -> None:
         """Keep what is wanted of this step."""

@@ -164,6 +164,8 @@ class Output(Model):
     """Full-precision table of every particle (for scenes of few particles)."""
     history_every: Annotated[float, positive("s")] | None = None
     """Bulk quantities: energies, contacts, front, centre of mass."""
+    restart_every: Annotated[float, positive("s")] | None = None
+    """The exact state, from which `gpudem resume` goes on; each file replaces the last. gpudem alone."""
 
 
 class Solver(Model):

@@ -11,6 +11,7 @@ from pathlib import Path
 import warp
 
 from gpudem.observe import Recorder
+from gpudem.restart import Restart
 from gpudem.run import Run, Timing
 from gpudem.scene import Scene
 from gpudem.solver import Simulation
@@ -50,15 +51,46 @@ def run(
     overrides = {"precision": precision, "integrator": integrator}
     if any(overrides.values()):
         scene = scene.replace(solver={k: v for k, v in overrides.items() if v})
-    path = None if directory is None else Path(directory)
-    recorder = Recorder(scene, path)
+    return _run(scene, None if directory is None else Path(directory), device, threads, progress)
+
+
+def resume(
+    directory: str | Path,
+    *,
+    device: str = "cpu",
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Run:
+    """Go on from DIRECTORY/restart.npz; on the same kind of device to the last bit as if never stopped.
+
+    Frames after the restart's step are written anew. Arguments, result and errors as in `run`.
+
+    Raises:
+        GpudemError: no restart file, or a broken one.
+    """
+    restart = Restart.load(Path(directory))
+    return _run(restart.scene, Path(directory), device, threads, progress, restart)
+
+
+def _run(
+    scene: Scene,
+    path: Path | None,
+    device: str,
+    threads: int | None,
+    progress: Callable[[int], None] | None,
+    restart: Restart | None = None,
+) -> Run:
+    recorder = Recorder(scene, path, restart)
     begin = time.perf_counter()
     simulation = Simulation(scene, device, threads)
     setup_s = time.perf_counter() - begin - simulation.compile_s
     clock = _Clock(progress)
     notes: dict[str, object] = {}
+    if restart:
+        notes["resumed_at_step"] = restart.step
+        clock.add(restart.seconds)
     try:
-        _segments(simulation, recorder, clock)
+        _segments(simulation, recorder, clock, path, restart)
     except KeyboardInterrupt:
         notes["interrupted_at_step"] = simulation.step_count
         raise
@@ -95,14 +127,30 @@ def run(
     return result
 
 
-def _segments(simulation: Simulation, recorder: Recorder, clock: _Clock) -> None:
+def _segments(
+    simulation: Simulation, recorder: Recorder, clock: _Clock, path: Path | None, restart: Restart | None
+) -> None:
     """Between gate removals: set-up, then steps up to each output, the last one with full-step velocities."""
+
+    def save_if_due(step: int) -> None:
+        if path is not None and recorder.restart_due(step):
+            with clock.output():
+                arrays, recorded = simulation.saved(), recorder.saved()
+                Restart(simulation.scene, step, arrays, recorded, clock.seconds()).save(path)
+
     for first, last, planes in simulation.scene.segments:
+        if restart and last <= restart.step:
+            continue
         with clock.setup(simulation):
-            simulation.start(planes, write=first == 0)
-        if first == 0 and recorder.due(0):
+            if restart and first <= restart.step:
+                simulation.resume(restart.arrays, planes)
+            else:
+                simulation.start(planes, write=first == 0)
+        if first == 0 and recorder.due(0) and not restart:
             with clock.output():
                 recorder.add(0, simulation.frame(), simulation.contact_count())
+        if not (restart and first <= restart.step):
+            save_if_due(first)  # at the removal of a gate: with the set-up behind it
         while simulation.step_count < last:
             stop = min(recorder.next_after(simulation.step_count), last)
             while simulation.step_count < stop - 1:
@@ -113,6 +161,8 @@ def _segments(simulation: Simulation, recorder: Recorder, clock: _Clock) -> None
             if recorder.due(stop) or stop == last:
                 with clock.output():
                     recorder.add(stop, simulation.frame(), simulation.contact_count())
+            if stop < last:
+                save_if_due(stop)
 
 
 class _Clock:
@@ -135,6 +185,15 @@ class _Clock:
     def output(self) -> _Clock:
         self._attribute = "output_s"
         return self
+
+    def seconds(self) -> dict[str, float]:
+        """Wall-clock time so far, by the fields of Timing."""
+        return {name: getattr(self, name) for name in ("setup_s", "stepping_s", "output_s")}
+
+    def add(self, seconds: dict[str, float]) -> None:
+        """Count what another process has spent on this run."""
+        for name, value in seconds.items():
+            setattr(self, name, getattr(self, name) + value)
 
     def __enter__(self) -> None:
         self._begin = time.perf_counter()

@@ -198,6 +198,48 @@ class Simulation:
             bodies[name] = getattr(self.state.full, name).numpy()
         self.state.now.assign(bodies)
 
+    # -- restart -------------------------------------------------------------------------------------------
+
+    def saved(self) -> dict[str, np.ndarray]:
+        """The exact state between two steps, within a segment: every array that the next step reads."""
+        state, total = self.state, int(self.state.particles.start.numpy()[-1])
+        kept = {"now": state.now.numpy().copy()}
+        for name in self._kept_arrays():
+            array = getattr(state.particles, name).numpy()
+            kept[name] = (array[:total] if name in self.neighbors.entry_arrays else array).copy()
+        done = [self.step_count, self.neighbors.rebuilds, self._stale]
+        kept["counts"] = np.array([*done, self.spec.half_list, self.params.block], np.int64)
+        return kept
+
+    def resume(self, saved: dict[str, np.ndarray], planes: list[Plane] | None = None) -> None:
+        """Take over what `saved` gave for the same scene, in the place of `start`; `planes`: those present.
+
+        Raises SimulationError for a state of another scene, precision or kind of device.
+        """
+        state, counts = self.state, [int(v) for v in saved["counts"]]
+        names = {"now", "counts", *self._kept_arrays()}
+        same = names == set(saved) and state.now.numpy().dtype == saved["now"].dtype
+        if not same or counts[3:] != [self.spec.half_list, self.params.block]:
+            raise SimulationError("the saved state is of another scene, precision or kind of device")
+        state.now.assign(saved["now"])
+        self.neighbors.make_room(len(saved["neighbor"]))
+        for name in self._kept_arrays():
+            array = getattr(state.particles, name)
+            if name in self.neighbors.entry_arrays:
+                array = array[: len(saved[name])]
+            if array.size:
+                array.assign(saved[name])
+        self.walls = wall_table(state, self.scene, self.scene.planes if planes is None else planes)
+        self._forget_commands()
+        self.neighbors.set_walls(self.walls)
+        self.step_count, self.neighbors.rebuilds, self._stale = counts[0], counts[1], bool(counts[2])
+
+    def _kept_arrays(self) -> list[str]:
+        """Arrays of `state.particles` that last from step to step; force_so_far is zero between steps."""
+        leave = ("pairs", "moved", "force_so_far", "torque_so_far")
+        names = [name for name in self.state.types.Particles.vars if name not in leave]
+        return [name for name in names if getattr(self.state.particles, name) is not None]
+
     # -- reading -------------------------------------------------------------------------------------------
 
     def frame(self) -> Frame:

@@ -28,12 +28,13 @@ def mean_damping(normal: str) -> Any:
 
 @functools.cache
 def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, path: bool) -> Any:
-    """A function (contact, pair, spring, kept, dt, step) -> (force on i [N], turn [N], rolling [N m], spring).
+    """A function (contact, pair, spring, kept, dt, step) -> (force [N], turn [N], rolling [N m], spring).
 
-    With `turn` = n x F_t the torques are -lever turn - rolling on i, -lever_j turn + rolling on j.
-    `spring` [m] is that of the tangential law, `kept` [N m] the torque `rolling` of the last step, of a law in
-    `KEEPS_TORQUE`; dt is 0 at set-up, `step` the time step always. Slots that are "off" leave no code.
-    Antisymmetric in i and j: both sides of a contact computed apart give opposite forces.
+    The force is that on i; with turn = n x F_t the torques are -lever turn - rolling on i and
+    -lever_j turn + rolling on j. `spring` [m] is that of the tangential law, `kept` [N m] the torque
+    `rolling` of the last step, of a law in `KEEPS_TORQUE`; dt is 0 at set-up, `step` the time step always.
+    Slots that are "off" leave no code. Antisymmetric in i and j: both sides of a contact computed apart give
+    opposite forces.
 
     With `path` and dt > 0 the damping force is `mean_damping`, and the tangential dashpot takes the mean of
     its coefficient likewise.

@@ -94,6 +94,37 @@ def test_run_interrupted(here, capsys, monkeypatch):
     assert capsys.readouterr().err == "interrupted at step 7; what is on disk stays: r\n"
 
 
+def test_interrupted_and_resumed(tmp_path, capsys, monkeypatch):
+    """Ctrl-C says how to go on; the end is that of a run in one."""
+    from gpudem import simulation
+    from gpudem.run import Run
+
+    monkeypatch.chdir(tmp_path)
+    stated = SCENE + "[output]\nhistory_every = 1e-5\nrestart_every = 1e-5\n"
+    (tmp_path / "scene.toml").write_text(stated)
+    assert cli.main(["run", "scene.toml", "-q", "--out", "whole"]) == 0
+
+    class Interrupted(simulation.Restart):
+        def save(self, directory):
+            super().save(directory)
+            if self.step >= 50:
+                raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(simulation, "Restart", Interrupted)
+        assert cli.main(["run", "scene.toml", "-q", "--out", "r"]) == 130
+    assert "go on with: gpudem resume r" in capsys.readouterr().err
+    assert cli.main(["resume", "r", "-q"]) == 0
+    out, err = capsys.readouterr()
+    assert "from step 50" in err
+    assert "100 steps of 1 particles" in out
+    whole, parts = Run.load(tmp_path / "whole").history, Run.load(tmp_path / "r").history
+    assert whole is not None
+    assert whole.equals(parts)
+    assert cli.main(["resume", "nowhere", "-q"]) == 2
+    assert "restart.npz: no such file" in capsys.readouterr().err
+
+
 def test_run_that_fails_is_exit_3(here, capsys, fake_codes):
     fake_codes(gpudem={"fails": "particle 3 left the domain"})
     assert cli.main(["run", "scene.toml", "-q"]) == 3

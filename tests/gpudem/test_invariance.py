@@ -86,7 +86,8 @@ def test_half_list_is_only_rounding(changes, monkeypatch):
 def test_half_list_of_several_radii_is_only_rounding(monkeypatch):
     """Catches the first sphere's lever, mass or radius in the second's torque."""
     scene = falling_bed(600, time={"step": 1e-5, "duration": 0.03}, walls=falling_bed().walls[:1], particles={
-        "source": "lattice", "material": "ball", "count": 600, "seed": 2, "lo": (0, 0, 0), "hi": (0.1, 0.05, 0.4),
+        "source": "lattice", "material": "ball", "count": 600, "seed": 2,
+        "lo": (0, 0, 0), "hi": (0.1, 0.05, 0.4),
         "radius": [{"radius": 0.003, "share": 0.5}, {"radius": 0.002, "share": 0.5}], "velocity_rms": 0.2,
     })  # fmt: skip
     full = final(scene, half_list=False)

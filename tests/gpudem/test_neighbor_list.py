@@ -90,7 +90,7 @@ def test_list_grows(half_list):
 
 
 def layers() -> Scene:
-    """Layers of spinning, touching balls close up: with skin 8 neighbours each at first, then more than 16."""
+    """Layers of spinning, touching balls close up: 8 neighbours each at first, then more than 16."""
     grid = 0.0059 * np.array([(i, j) for i in range(6) for j in range(6)])
     position = [(x, y, 0.03 + 0.0125 * k) for k in range(4) for x, y in grid]
     return Scene(
