@@ -108,6 +108,7 @@ def cases(tier: Any) -> int:
 @app.command()
 @click.argument("case", nargs=-1)
 @click.option("--tier", type=click.Choice(TIERS), default="quick", show_default=True)
+@click.option("--record", is_flag=True, help="Full tier: keep the results in comparisons/recorded/full.")
 @click.option("--codes", "chosen", default=",".join(codes.CODES), show_default=True, help="Comma-separated.")
 @DEVICE
 @PRECISION
@@ -118,16 +119,24 @@ def cases(tier: Any) -> int:
 )
 @QUIET
 def compare(
-    case: tuple[str, ...], tier: Any, chosen: str, out: Path | None, quiet: bool, **options: Any
+    case: tuple[str, ...],
+    tier: Any,
+    record: bool,
+    chosen: str,
+    out: Path | None,
+    quiet: bool,
+    **options: Any,
 ) -> int:
     """Run cases (default: all) through the codes; write results.json, junit.xml and report.html."""
-    from comparisons import execute, progress, provenance
+    from comparisons import execute, progress, provenance, recorded_cases
     from comparisons.discover import find_cases, select
 
     names = tuple(dict.fromkeys(name.strip() for name in chosen.split(",") if name.strip()))
     unknown = [name for name in names if name not in codes.CODES]
     if unknown or not names:
         raise GpudemError(f"--codes: no code {(unknown or [chosen])[0]!r}; known: {', '.join(codes.CODES)}")
+    if record and tier != "full":
+        raise GpudemError(f"--record: keeps results of the full tier, this is {tier}: add --tier full")
     cases = select(find_cases(), case, tier)
     if not cases:
         raise GpudemError(f"no case in the {tier} tier")
@@ -140,6 +149,8 @@ def compare(
         cases, directory, tier=tier, selected=names, options=codes.Options(**options), reporter=reporter
     )
     result = session.run()
+    for path in recorded_cases.keep(result) if record else []:
+        click.echo(f"kept: {path}", err=True)
     n = result.counts()
     click.echo(
         f"{n['pass']} pass, {n['fail']} fail, {n['error']} error, {n['left_out']} left out"

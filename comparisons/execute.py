@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from comparisons import codes, junit, provenance, report, setup_table
+from comparisons import codes, junit, provenance, recorded_cases, report, setup_table
 from comparisons.case import Case, Tier, Variant
 from comparisons.evaluate import Evaluation, describe, outcome
 from comparisons.progress import Reporter, duration
@@ -83,7 +83,7 @@ class Session:
             started=provenance.utc_now(),
             written=provenance.utc_now(),
             provenance=provenance.collect(command),
-            cases=[_blank(case) for case in cases],
+            cases=[_blank(case, tier) for case in cases],
         )
 
     def run(self) -> Comparison:
@@ -108,7 +108,7 @@ class Session:
     def run_case(self, case: Case) -> list[CheckResult]:
         """All variants through all selected codes, then checks, figures and tables; the page is rewritten."""
         began, evaluation = time.monotonic(), Evaluation(case, self.tier, self.selected)
-        result = _blank(case)
+        result = _blank(case, self.tier)
         try:
             variants = case.variants(self.tier)
             result = dataclasses.replace(result, setup=setup_table.rows([v.scene for v in variants]))
@@ -222,5 +222,7 @@ class Session:
                 self.reporter.say(f"  {check.status.upper()} {check.name}: {check.verdict}")
 
 
-def _blank(case: Case) -> CaseResult:
-    return CaseResult(case.name, case.title, case.purpose, case.source, case.order, case.features)
+def _blank(case: Case, tier: Tier) -> CaseResult:
+    recorded = recorded_cases.find(case.name) if tier != "full" else None
+    facts = (case.name, case.title, case.purpose, case.source, case.order, case.features)
+    return CaseResult(*facts, recorded=recorded)

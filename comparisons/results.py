@@ -137,6 +137,21 @@ class Artefact:
 
 
 @dataclasses.dataclass(frozen=True)
+class Recorded:
+    """What an earlier, longer run of a case found, kept in the project."""
+
+    tier: Tier
+    provenance: dict[str, Any]
+    """commit, dirty, date and hardware."""
+    versions: dict[str, str]
+    """By code."""
+    wall_s: float
+    checks: list[CheckResult]
+
+    __pydantic_config__ = ConfigDict(ser_json_inf_nan="strings")
+
+
+@dataclasses.dataclass(frozen=True)
 class CaseResult:
     """One case: prose, set-up, artefacts. Checks, runs and timings stand in the lists of the comparison."""
 
@@ -152,6 +167,8 @@ class CaseResult:
     setup: list[tuple[str, str, str]] = dataclasses.field(default_factory=list)
     """Rows (quantity, value, unit) of the resolved scenes."""
     artefacts: list[Artefact] = dataclasses.field(default_factory=list)
+    recorded: Recorded | None = None
+    """Of the full tier, where this comparison is of a shorter one."""
 
 
 @dataclasses.dataclass

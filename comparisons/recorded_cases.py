@@ -1,0 +1,51 @@
+"""Cases that take too long for every run: their last results in the full tier, kept with their provenance.
+
+`gpudem compare CASE --tier full --record` writes comparisons/recorded/full/CASE.json; a report of a shorter
+tier shows it beside the case, as recorded, with date, commit and machine.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import TypeAdapter, ValidationError
+
+from comparisons.results import Comparison, Recorded, write_atomically
+from gpudem.errors import GpudemError
+
+FOLDER = Path(__file__).parent / "recorded" / "full"
+
+_FORM = TypeAdapter(Recorded)
+
+
+def keep(comparison: Comparison, folder: Path = FOLDER) -> list[Path]:
+    """Write the finished cases of a comparison, one file each; returns the files."""
+    facts = {k: v for k, v in comparison.provenance.items() if k in ("commit", "dirty", "date", "hardware")}
+    written = []
+    for case in comparison.cases:
+        if case.status != "done":
+            continue
+        versions = {run.code: run.version for run in comparison.runs if run.case == case.name}
+        recorded = Recorded(
+            tier=comparison.tier,
+            provenance=facts,
+            versions=versions,
+            wall_s=round(case.wall_s, 1),
+            checks=[c for c in comparison.checks if c.case == case.name],
+        )
+        folder.mkdir(parents=True, exist_ok=True)
+        path = folder / f"{case.name}.json"
+        write_atomically(path, _FORM.dump_json(recorded, indent=1) + b"\n")
+        written.append(path)
+    return written
+
+
+def find(case: str, folder: Path = FOLDER) -> Recorded | None:
+    """What was kept of a case; None if nothing was. Raises GpudemError naming a broken file."""
+    path = folder / f"{case}.json"
+    if not path.is_file():
+        return None
+    try:
+        return _FORM.validate_json(path.read_bytes())
+    except ValidationError as error:
+        raise GpudemError(f"{path}: {error.errors()[0]['msg']} ({error.error_count()} problems)") from None
