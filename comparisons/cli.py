@@ -22,7 +22,7 @@ DEVICE = click.option(
     "--device", default="cpu", show_default=True, help="Warp device of gpudem: cpu, cuda:0."
 )
 PRECISION = click.option(
-    "--precision", type=click.Choice(["float64", "float32"]), help="Overrides the scene's."
+    "--precision", type=click.Choice(["float64", "mixed", "float32"]), help="Overrides the scene's."
 )
 THREADS = click.option(
     "--threads", type=click.IntRange(1), help="Cores of gpudem on the CPU.  [default: all]"

@@ -26,7 +26,7 @@ SETUP, WRITE = wp.constant(1), wp.constant(2)
 @functools.cache
 def nearest_image(periodic: tuple[bool, bool, bool], precision: str) -> Any:
     """A function (d, size) -> d between nearest images; no code for sides that are not periodic."""
-    vec3, real = structs(precision).vec3, structs(precision).real
+    vec3, real = structs(precision).wide3, structs(precision).wide
     px, py, pz = periodic
 
     @wp.func
@@ -56,7 +56,7 @@ def nearest_image(periodic: tuple[bool, bool, bool], precision: str) -> Any:
 def step_kernel(spec: Spec) -> Any:
     """The step kernel of one Spec."""
     t = structs(spec.precision)
-    real, vec3 = t.real, t.vec3
+    real, vec3, wide, wide3 = t.real, t.vec3, t.wide, t.wide3
     Params, Particles, Walls, Full = t.Params, t.Particles, t.Walls, t.Full
     Body = body_struct(spec.precision, spec.rotation, spec.path)
     Pair = t.Pair
@@ -64,6 +64,23 @@ def step_kernel(spec: Spec) -> Any:
     law = contact_law(spec.normal, spec.tangential, spec.rolling, spec.limit_force, spec.path)
     edge_law = damping_force(spec.normal, spec.limit_force)
     nearest = nearest_image(spec.periodic, spec.precision)
+    mixed = real is not wide
+
+    @wp.func
+    def narrow(a: wide3):
+        if wp.static(mixed):
+            b = vec3(real(a[0]), real(a[1]), real(a[2]))
+        else:
+            b = a
+        return b
+
+    @wp.func
+    def widen(a: vec3):
+        if wp.static(mixed):
+            b = wide3(wide(a[0]), wide(a[1]), wide(a[2]))
+        else:
+            b = a
+        return b
 
     @wp.func
     def set_motion(c: Contact, v: vec3, v_ahead: vec3, dt: real):
@@ -94,11 +111,19 @@ def step_kernel(spec: Spec) -> Any:
         return force
 
     @wp.func
-    def pair_contact(d: vec3, rsq: real, ri: real, rj: real, mi: real, mj: real):
-        r = wp.sqrt(rsq)
+    def pair_contact(d: wide3, rsq: wide, wide_ri: wide, wide_rj: wide, mi: real, mj: real):
         c = Contact()
-        c.normal = d * (real(1.0) / r)
-        c.overlap = ri + rj - r
+        ri = real(wide_ri)
+        rj = real(wide_rj)
+        if wp.static(mixed):  # the small difference in float64, without its square root
+            r = wp.sqrt(real(rsq))
+            reach = wide_ri + wide_rj
+            c.normal = narrow(d) * (real(1.0) / r)
+            c.overlap = real(reach * reach - rsq) / (real(reach) + r)
+        else:
+            r = wp.sqrt(rsq)
+            c.normal = d * (real(1.0) / r)
+            c.overlap = ri + rj - r
         c.lever = ri - real(0.5) * c.overlap
         if wp.static(spec.several_radii):
             c.radius_eff = ri * rj / (ri + rj)
@@ -111,21 +136,21 @@ def step_kernel(spec: Spec) -> Any:
         return c
 
     @wp.func
-    def wall_contact(distance: real, normal: vec3, radius: real, mass: real):
+    def wall_contact(distance: wide, normal: wide3, radius: wide, mass: real):
         c = Contact()
-        c.normal = normal
-        c.overlap = radius - distance
-        c.lever = radius - real(0.5) * c.overlap
-        c.radius_eff = radius
+        c.normal = narrow(normal)
+        c.overlap = real(radius - distance)
+        c.lever = real(radius) - real(0.5) * c.overlap
+        c.radius_eff = real(radius)
         c.mass_eff = mass
         return c
 
     @wp.func
-    def turned(c: Contact, v: vec3, wi: vec3, wj: vec3, lever_j: real):
+    def turned(c: Contact, v: wide3, wi: wide3, wj: wide3, lever_j: real):
         """Velocity of the contact point from that of the centres and the spins."""
         if wp.static(spec.rotation):
-            return v - wp.cross(c.lever * wi + lever_j * wj, c.normal)
-        return v
+            return narrow(v) - wp.cross(c.lever * narrow(wi) + lever_j * narrow(wj), c.normal)
+        return narrow(v)
 
     @wp.kernel(module="unique", enable_backward=False)
     def step(
@@ -149,7 +174,7 @@ def step_kernel(spec: Spec) -> Any:
             return
         x = now[i].position
         v = now[i].velocity
-        w = vec3()
+        w = wide3()
         if wp.static(spec.rotation):
             w = now[i].angular_velocity
         radius = params.radius
@@ -202,12 +227,12 @@ def step_kernel(spec: Spec) -> Any:
                 if wp.static(spec.several_masses):
                     mass_j = particles.mass[j]
                 c = pair_contact(d, rsq, radius, radius_j, mass, mass_j)
-                lever_j = radius_j - real(0.5) * c.overlap
+                lever_j = real(radius_j) - real(0.5) * c.overlap
                 v_j = now[j].velocity
-                w_j = vec3()
+                w_j = wide3()
                 if wp.static(spec.rotation):
                     w_j = now[j].angular_velocity
-                    c.spin = w - w_j
+                    c.spin = narrow(w - w_j)
                 behind = turned(c, v - v_j, w, w_j, lever_j)
                 ahead = behind
                 if wp.static(spec.path):
@@ -249,13 +274,14 @@ def step_kernel(spec: Spec) -> Any:
                     if entry < 0:
                         particles.neighbor[k] = j
                 if wp.static(spec.path):  # may touch within half a step before or ahead
-                    reach += real(0.5) * params.skin
+                    reach += wide(0.5) * params.skin
                     if rsq < reach * reach and not (mode & SETUP):
                         mass_j = params.mass
                         if wp.static(spec.several_masses):
                             mass_j = particles.mass[j]
                         c = pair_contact(d, rsq, radius, radius_j, mass, mass_j)
-                        c = set_motion(c, v - now[j].velocity, v_ahead - now[j].velocity_ahead, dt)
+                        behind = narrow(v - now[j].velocity)
+                        c = set_motion(c, behind, narrow(v_ahead - now[j].velocity_ahead), dt)
                         pair = params.pair
                         if wp.static(spec.several_materials):
                             pair = particles.pairs[material * params.materials + particles.material[j]]
@@ -282,9 +308,9 @@ def step_kernel(spec: Spec) -> Any:
                 if distance <= radius:
                     c = wall_contact(distance, normal, radius, mass)
                     if wp.static(spec.rotation):
-                        c.spin = (c.lever / distance) * w
-                    behind = turned(c, v, w, vec3(), real(0.0))
-                    c = set_motion(c, behind, turned(c, v_ahead, w_ahead, vec3(), real(0.0)), dt)
+                        c.spin = (c.lever / real(distance)) * narrow(w)
+                    behind = turned(c, v, w, wide3(), real(0.0))
+                    c = set_motion(c, behind, turned(c, v_ahead, w_ahead, wide3(), real(0.0)), dt)
                     spring = vec3()
                     kept = vec3()
                     if touched & (1 << k):
@@ -307,7 +333,8 @@ def step_kernel(spec: Spec) -> Any:
                             touch = touch | (1 << k)
                 elif wp.static(spec.path):
                     if not (mode & SETUP):
-                        c = set_motion(wall_contact(distance, normal, radius, mass), v, v_ahead, dt)
+                        c = wall_contact(distance, normal, radius, mass)
+                        c = set_motion(c, narrow(v), narrow(v_ahead), dt)
                         force += edge(c, walls.pairs[k * params.materials + material], dt)
             if wp.static(spec.memory):
                 if touch != touched and not (mode & SETUP):
@@ -321,12 +348,12 @@ def step_kernel(spec: Spec) -> Any:
         spin_kick = params.spin_kick
         if wp.static(spec.several_masses):
             kick = real(0.5) * params.dt / mass
-            spin_kick = real(0.5) * params.dt / (real(0.4) * radius * radius * mass)
+            spin_kick = real(0.5) * params.dt / (real(0.4) * real(radius) * real(radius) * mass)
         if not (mode & SETUP):
-            v = v + kick * force
+            v = v + widen(kick * force)
         if wp.static(spec.rotation):
             if not (mode & SETUP):
-                w = w + spin_kick * torque
+                w = w + widen(spin_kick * torque)
         if mode & WRITE:
             full.velocity[i] = v
             full.force[i] = force
@@ -334,17 +361,17 @@ def step_kernel(spec: Spec) -> Any:
             if wp.static(spec.rotation):
                 full.angular_velocity[i] = w
                 full.torque[i] = torque
-        v = v + kick * force
-        x = x + params.dt * v
+        v = v + widen(kick * force)
+        x = x + params.drift * v
         after[i].velocity = v
         after[i].position = x
         if wp.static(spec.rotation):
-            w = w + spin_kick * torque
+            w = w + widen(spin_kick * torque)
             after[i].angular_velocity = w
         if wp.static(spec.path):
-            after[i].velocity_ahead = v + real(2.0) * kick * force
+            after[i].velocity_ahead = v + widen(real(2.0) * kick * force)
             if wp.static(spec.rotation):
-                after[i].angular_velocity_ahead = w + real(2.0) * spin_kick * torque
+                after[i].angular_velocity_ahead = w + widen(real(2.0) * spin_kick * torque)
         shift = x - particles.built_at[i]
         if not (wp.dot(shift, shift) <= params.move_limit):  # true for NaN too
             particles.moved[launch + 1] = 1

@@ -46,13 +46,13 @@ def last_cell(c: wp.int32, n: wp.int32, periodic: bool):
 def cell_kernel(spec: Spec) -> Any:
     """Wraps periodic positions, writes the cell of each particle, reports lost particles and NaN."""
     t = structs(spec.precision)
-    vec3 = t.vec3
+    wide3 = t.wide3
     Params, Particles = t.Params, t.Particles
     Body = body_struct(spec.precision, spec.rotation, spec.path)
     px, py, pz = spec.periodic
 
     @wp.func
-    def wrap(x: t.real, lo: t.real, size: t.real):
+    def wrap(x: t.wide, lo: t.wide, size: t.wide):
         if x < lo:
             x = x + size
         elif x >= lo + size:
@@ -82,18 +82,18 @@ def cell_kernel(spec: Spec) -> Any:
             y = wrap(y, params.lo[1], params.size[1])
         if wp.static(pz):
             z = wrap(z, params.lo[2], params.size[2])
-        p = vec3(x, y, z)
+        p = wide3(x, y, z)
         now[i].position = p
         cell = wp.vec3i()
         for a in range(3):
             s = p[a] - params.lo[a]
-            if not (s >= t.real(0.0) and s <= params.size[a]):
+            if not (s >= t.wide(0.0) and s <= params.size[a]):
                 code = wp.int32(LOST)
                 if s != s:
                     code = wp.int32(NOT_A_NUMBER)
                 status[1] = particles.id[i]
                 status[0] = code
-                s = t.real(0.0)
+                s = t.wide(0.0)
             cell[a] = wp.min(wp.int32(s * params.cell_rate[a]), params.cells[a] - 1)
         key[i] = (cell[2] * params.cells[1] + cell[1]) * params.cells[0] + cell[0]
         order[i] = i

@@ -171,7 +171,8 @@ class Output(Model):
 class Solver(Model):
     """How gpudem computes it, where that changes the result. LIGGGHTS is always float64 and `half_step`."""
 
-    precision: Literal["float64", "float32"] = "float64"
+    precision: Literal["float64", "mixed", "float32"] = "float64"
+    """`mixed`: positions, velocities and radii in float64, contact laws and springs in float32."""
     integrator: Literal["half_step", "path"] = "half_step"
     """`half_step`: damping sees half-step velocities, as in LIGGGHTS; first order in the step where there is
     damping. `path`: damping acts by its exact integral along the path of the overlap; second order."""

@@ -69,16 +69,16 @@ class Simulation:
         scene, t = self.scene, self.state.types
         p = t.Params()
         cells, rate = cell_grid(scene)
-        p.dt, p.gravity = scene.time.step, t.vec3(*scene.gravity)
+        p.dt, p.drift, p.gravity = scene.time.step, scene.time.step, t.vec3(*scene.gravity)
         p.lo, p.size = (
-            t.vec3(*scene.domain.lo),
-            t.vec3(*(np.array(scene.domain.hi) - np.array(scene.domain.lo))),
+            t.wide3(*scene.domain.lo),
+            t.wide3(*(np.array(scene.domain.hi) - np.array(scene.domain.lo))),
         )
-        p.cells, p.cell_rate = wp.vec3i(*cells), t.vec3(*rate)
+        p.cells, p.cell_rate = wp.vec3i(*cells), t.wide3(*rate)
         p.skin, p.move_limit = scene.skin, (scene.skin / 2) ** 2
         p.radius, p.mass = float(scene.state.radius.max()), float(masses(scene)[0])
-        p.kick = 0.5 * p.dt / p.mass
-        p.spin_kick = 0.5 * p.dt / (0.4 * p.radius * p.radius * p.mass)
+        p.kick = 0.5 * scene.time.step / p.mass
+        p.spin_kick = 0.5 * scene.time.step / (0.4 * p.radius * p.radius * p.mass)
         p.block = block_size(self.state.n, cells)
         p.n, p.planes, p.materials = self.state.n, self.state.planes, len(scene.particle_materials)
         p.pair = pair_entries(self.state, scene, scene.particle_materials[:1])[0]

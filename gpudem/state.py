@@ -11,29 +11,35 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from gpudem.contact.types import REAL, pair_struct
+from gpudem.contact.types import REAL, WIDE, pair_struct
 from gpudem.scene import Scene
 from gpudem.spec import Spec
 
 
 @functools.cache
 def structs(precision: str) -> SimpleNamespace:
-    """The argument structs of the kernels in one precision: Params, Particles, Walls, Full."""
-    real = REAL[precision]
-    vec3 = wp.types.vector(3, real)
+    """The argument structs of the kernels in one precision: Params, Particles, Walls, Full.
+
+    `real` is the arithmetic of the contact laws, `wide` that of positions, velocities and radii: the same but
+    for "mixed", where an overlap of 1e-7 m is the difference of lengths of 1 m, and a step adds 1e-7 of a
+    velocity: both need float64, while forces and springs, each of them small by itself, do well in float32.
+    """
+    real, wide = REAL[precision], WIDE[precision]
+    vec3, wide3 = wp.types.vector(3, real), wp.types.vector(3, wide)
     Pair = pair_struct(real)
 
     @wp.struct
     class Params:
         dt: real  # [s]
+        drift: wide  # the same for positions [s]
         gravity: vec3  # [m/s2]
-        lo: vec3  # lower corner of the domain [m]
-        size: vec3  # length of the domain [m]
+        lo: wide3  # lower corner of the domain [m]
+        size: wide3  # length of the domain [m]
         cells: wp.vec3i  # cells along x, y, z
-        cell_rate: vec3  # cells per length [1/m]
-        skin: real  # [m]
-        move_limit: real  # (skin/2)^2 [m2]
-        radius: real  # of equal spheres [m]
+        cell_rate: wide3  # cells per length [1/m]
+        skin: wide  # [m]
+        move_limit: wide  # (skin/2)^2 [m2]
+        radius: wide  # of equal spheres [m]
         mass: real  # of equal spheres of one material [kg]
         kick: real  # dt/(2 m) of equal spheres [s/kg]
         spin_kick: real  # dt/(2 I) of equal spheres [s/(kg m2)]
@@ -46,14 +52,14 @@ def structs(precision: str) -> SimpleNamespace:
     @wp.struct
     class Particles:
         id: wp.array[wp.int32]  # row in the scene, (n,)
-        radius: wp.array[real]  # [m], (n,)
+        radius: wp.array[wide]  # [m], (n,)
         mass: wp.array[real]  # [kg], (n,)
         material: wp.array[wp.int32]  # index into the scene's particle materials, (n,)
         wall_near: wp.array[wp.int32]  # bit k: plane k within reach until the next rebuild, (n,)
         wall_touch: wp.array[wp.int32]  # bit k: plane k touched in the last step, (n,)
         wall_spring: wp.array[vec3]  # [m], (m n,), plane by plane
         wall_rolling: wp.array[vec3]  # rolling torque kept [N m], (m n,), plane by plane
-        built_at: wp.array[vec3]  # position at the last rebuild [m], (n,)
+        built_at: wp.array[wide3]  # position at the last rebuild [m], (n,)
         start: wp.array[wp.int32]  # first list entry of each particle, (n + 1,)
         neighbor: wp.array[wp.int32]  # j, or -j - 1 where it touched in the last step, (capacity,)
         spring: wp.array[vec3]  # shear spring of each entry [m], (capacity,)
@@ -65,14 +71,14 @@ def structs(precision: str) -> SimpleNamespace:
 
     @wp.struct
     class Walls:
-        normal: wp.array[vec3]  # into the domain, length one, (m,)
-        offset: wp.array[real]  # normal . point [m], (m,)
+        normal: wp.array[wide3]  # into the domain, length one, (m,)
+        offset: wp.array[wide]  # normal . point [m], (m,)
         pairs: wp.array[Pair]  # coefficients by plane and particle material, (m materials,)
 
     @wp.struct
     class Full:
-        velocity: wp.array[vec3]  # at the full step [m/s], (n,)
-        angular_velocity: wp.array[vec3]  # [rad/s], (n,)
+        velocity: wp.array[wide3]  # at the full step [m/s], (n,)
+        angular_velocity: wp.array[wide3]  # [rad/s], (n,)
         force: wp.array[vec3]  # with gravity [N], (n,)
         torque: wp.array[vec3]  # [N m], (n,)
         contacts: wp.array[wp.int32]  # with particles + 2 x with walls, (n,)
@@ -80,6 +86,8 @@ def structs(precision: str) -> SimpleNamespace:
     return SimpleNamespace(
         real=real,
         vec3=vec3,
+        wide=wide,
+        wide3=wide3,
         Pair=Pair,
         Params=Params,
         Particles=Particles,
@@ -95,10 +103,10 @@ def body_struct(precision: str, rotation: bool, path: bool) -> Any:
     position [m]; velocity [m/s], angular_velocity [rad/s]: half a step behind it; velocity_ahead,
     angular_velocity_ahead: predicted half a step ahead, with integrator "path" alone.
     """
-    vec3 = structs(precision).vec3
+    wide3 = structs(precision).wide3
     fields = ["position", "velocity", *(["angular_velocity"] * rotation)]
     fields += ["velocity_ahead"] * path + ["angular_velocity_ahead"] * (path and rotation)
-    return wp.struct(type("Body", (), {"__annotations__": dict.fromkeys(fields, vec3)}))
+    return wp.struct(type("Body", (), {"__annotations__": dict.fromkeys(fields, wide3)}))
 
 
 class State:
@@ -110,8 +118,8 @@ class State:
         initial, n = scene.state, self.n
         self.planes = len(scene.planes) if spec.walls else 0
 
-        def vectors(count: int = n, need: bool = True) -> Any:
-            return wp.zeros(count, dtype=t.vec3, device=device) if need else None
+        def vectors(count: int = n, need: bool = True, dtype: Any = t.vec3) -> Any:
+            return wp.zeros(count, dtype=dtype, device=device) if need else None
 
         Body = body_struct(spec.precision, spec.rotation, spec.path)
         bodies = np.zeros(n, dtype=Body.numpy_dtype())
@@ -126,7 +134,7 @@ class State:
         material = np.array([index[m] for m in initial.material.tolist()], np.int32)
         mass = masses(scene)
         if spec.several_radii:
-            p.radius = wp.array(initial.radius, dtype=t.real, device=device)
+            p.radius = wp.array(initial.radius, dtype=t.wide, device=device)
         if spec.several_masses:
             p.mass = wp.array(mass, dtype=t.real, device=device)
         if spec.several_materials:
@@ -137,7 +145,7 @@ class State:
             p.wall_touch = wp.zeros(n, dtype=wp.int32, device=device)
             p.wall_spring = vectors(n * self.planes, spec.history)
             p.wall_rolling = vectors(n * self.planes, spec.rolling_history)
-        p.built_at = vectors()
+        p.built_at = vectors(dtype=t.wide3)
         p.start = wp.zeros(n + 1, dtype=wp.int32, device=device)
         p.force_so_far = vectors(n, spec.half_list)
         p.torque_so_far = vectors(n, spec.half_list and spec.rotation)
@@ -149,8 +157,11 @@ class State:
         if self.full is None:
             t, spec = self.types, self.spec
             self.full = t.Full()
-            for name in ("velocity", "force", *(("angular_velocity", "torque") if spec.rotation else ())):
-                setattr(self.full, name, wp.zeros(self.n, dtype=t.vec3, device=self.device))
+            kinds = {"velocity": t.wide3, "force": t.vec3}
+            if spec.rotation:
+                kinds |= {"angular_velocity": t.wide3, "torque": t.vec3}
+            for name, dtype in kinds.items():
+                setattr(self.full, name, wp.zeros(self.n, dtype=dtype, device=self.device))
             self.full.contacts = wp.zeros(self.n, dtype=wp.int32, device=self.device)
 
     def swap(self) -> None:

@@ -54,7 +54,7 @@ def wall_table(state: State, scene: Scene, present: list[Plane]) -> Any:
     normals = np.array([p.normal for p in planes])
     offsets = np.einsum("ij,ij->i", normals, np.array([p.point for p in planes]))
     offsets[[p.name not in names for p in planes]] = -1e30
-    walls.normal = wp.array(normals, dtype=state.types.vec3, device=state.device)
-    walls.offset = wp.array(offsets, dtype=state.types.real, device=state.device)
+    walls.normal = wp.array(normals, dtype=state.types.wide3, device=state.device)
+    walls.offset = wp.array(offsets, dtype=state.types.wide, device=state.device)
     walls.pairs = pair_table(state, scene, [p.material for p in planes])
     return walls

@@ -5,7 +5,10 @@ from typing import Any
 
 from gpudem.device import wp
 
-REAL = {"float64": wp.float64, "float32": wp.float32}
+#: Arithmetic of the contact laws: forces, springs, coefficients.
+REAL = {"float64": wp.float64, "mixed": wp.float32, "float32": wp.float32}
+#: What is added up from step to step or subtracted to a small difference: positions, velocities, radii.
+WIDE = {"float64": wp.float64, "mixed": wp.float64, "float32": wp.float32}
 
 
 @functools.cache

@@ -25,11 +25,12 @@ pytestmark = pytest.mark.skipif(find_ptxas() is None, reason="no ptxas (pip inst
     [
         (Spec(), 128),
         (Spec(**FULL), 128),
+        (Spec(precision="mixed", **FULL), 128),
         (Spec(precision="float32", **FULL), 64),
         (Spec(normal="hooke", **EVERYTHING), 168),
         (Spec(normal="hertz/stiffness", limit_force=True, **FULL), 128),
     ],
-    ids=["frictionless", "full", "full float32", "everything", "stiffness"],
+    ids=["frictionless", "full", "full mixed", "full float32", "everything", "stiffness"],
 )
 def test_no_spills(spec, registers):
     """64 registers keep 1024 of a multiprocessor's 2048 threads busy, 128 keep 512, 168 keep 384."""

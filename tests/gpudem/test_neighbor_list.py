@@ -76,7 +76,7 @@ def test_equals_all_pairs(ratio, size, periodic, half_list):
     simulation = Simulation(scene, half_list=half_list)
     simulation.neighbors.rebuild()
     expected = all_pairs(scene)
-    assert listed_pairs(simulation) == expected
+    assert len(listed_pairs(simulation) ^ expected) == 0  # as a set it would be printed for minutes
     assert len(expected) > 100
 
 
@@ -85,7 +85,7 @@ def test_list_grows(half_list):
     scene = cloud(np.full(300, 0.003), (0.01, 0.01, 0.01), (False, False, False), seed=1)
     simulation = Simulation(scene, half_list=half_list)
     simulation.neighbors.rebuild()
-    assert listed_pairs(simulation) == all_pairs(scene)
+    assert len(listed_pairs(simulation) ^ all_pairs(scene)) == 0
     assert simulation.neighbors.capacity > 16 * 300
 
 
