@@ -113,7 +113,7 @@ def summary(rows: list[Row]) -> list[dict[str, Any]]:
     "--cores", default="1,2", help="Threads of gpudem and MPI ranks of LIGGGHTS.", show_default=True
 )
 @click.option("--repeats", default=3, show_default=True)
-@click.option("--precision", default="float64,mixed", help="Of gpudem; several with commas.", show_default=True)
+@click.option("--precision", default="float64,mixed", help="Of gpudem, with commas.", show_default=True)
 @click.option("--device", default="cpu", help="Of gpudem.", show_default=True)
 @click.option("--budget", default=BUDGET, help="Particle-steps of one measurement.", show_default=True)
 @click.option("--out", type=click.Path(path_type=Path), default=Path("runs/bench.json"), show_default=True)

@@ -9,6 +9,7 @@ import click
 import numpy as np
 
 from comparisons import codes, execute, progress, provenance, setup_table
+from gpudem import scene_checks
 from gpudem.errors import GpudemError
 from gpudem.restart import FILE, Restart
 from gpudem.run import Run
@@ -28,6 +29,8 @@ def run(path: Path, code: str, options: codes.Options, out: Path | None, quiet: 
         execute.own_directory(out) if out else execute.new_directory(Path("runs"), provenance.commit()[0])
     )
     (directory / "scene.json").write_text(scene.to_json())
+    for warning in scene_checks.step_warnings(scene):
+        click.echo(f"warning: {warning}", err=True)
     return _shown(
         scene, path, code, directory, quiet,
         lambda step: codes.CODES[code].run(scene, directory, options, step, {}),
@@ -105,7 +108,7 @@ def validate(path: Path) -> int:
 
 def warnings(scene: Scene) -> list[str]:
     """What is allowed and still worth a second look."""
-    found = [f"check waived: {name}" for name in scene.allow]
+    found = [f"check waived: {name}" for name in scene.allow] + scene_checks.step_warnings(scene)
     speed = float(np.linalg.norm(scene.state.velocity, axis=1).max())
     if not scene.needs.gravity and speed == 0:
         found.append("no gravity and no start velocity: nothing will move unless particles overlap")

@@ -8,7 +8,7 @@ import numpy as np
 
 from comparisons.numbers import number
 from gpudem.scene import Scene
-from gpudem.scene_checks import hertz_time, rayleigh_time
+from gpudem.time_scales import contact_time, rayleigh_time
 
 Row = tuple[str, str, str]
 
@@ -60,9 +60,9 @@ def essentials(scene: Scene) -> dict[tuple[str, str], float | str]:
         table["periodic", ""] = ", ".join("xyz"[k] for k in range(3) if scene.domain.periodic[k])
     table["time step", "s"] = dt
     table["time step / Rayleigh time", ""] = round(dt / rayleigh_time(scene), 5)
-    hertz = hertz_time(scene)
-    if math.isfinite(hertz):
-        table["time step / Hertz contact time", ""] = round(dt / hertz, 5)
+    shortest = contact_time(scene)
+    if math.isfinite(shortest):
+        table["time step / shortest contact time", ""] = round(dt / shortest, 5)
     table["duration", "s"] = scene.n_steps * dt
     table["steps", ""] = scene.n_steps
     table["precision", ""] = scene.solver.precision

@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
-from gpudem import scene_checks, scene_io
+from gpudem import scene_checks, scene_io, time_scales
 from gpudem.errors import SceneError
 from gpudem.fields import Model, Name, Vector, vector
 from gpudem.packing import InitialState, lattice, read_particles
@@ -88,15 +88,30 @@ class Scene(Model):
     """Checks waived by name for this scene."""
 
     def __init__(self, /, _source: str = "<python>", **data: Any):
+        automatic, data = scene_io.take_auto_step(data)
         try:
             BaseModel.__init__(self, **data)
         except ValidationError as error:
             found = scene_io.problems(error, Scene)
             valid, invalid = scene_io.partial(Scene, data)
             raise SceneError(_source, found + scene_checks.problems(valid, invalid)) from None
-        found = scene_checks.problems(self)
+        waived = ("time",) if automatic else ()
+        found = scene_checks.problems(self, waived)
+        if automatic and self.time.accuracy is None:
+            found.append('time.accuracy: missing; step = "auto" needs it: 1e-06 <= value <= 0.1 [1]')
         if found:
             raise SceneError(_source, found)
+        if automatic:
+            self._resolve_step(_source)
+
+    def _resolve_step(self, source: str) -> None:
+        """Put the step that the accuracy needs in the place of "auto". Raises SceneError: too long."""
+        assert self.time.accuracy is not None
+        step = time_scales.step_for(self, self.time.accuracy)
+        object.__setattr__(self, "time", self.time.model_copy(update={"step": step}))
+        found = scene_checks.problems(self)
+        if found:
+            raise SceneError(source, found)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Scene) and self.to_json() == other.to_json()

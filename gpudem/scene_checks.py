@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gpudem.errors import GpudemError
-from gpudem.time_scales import hertz_time, rayleigh_time
+from gpudem.time_scales import USUAL_CONTACT, USUAL_RAYLEIGH, contact_time, rayleigh_time
 
 if TYPE_CHECKING:
     from gpudem.scene import Scene
 
 #: Overlap at the start beyond this share of the smaller radius is an error (a settled bed has about 1 %).
 MAX_START_OVERLAP = 0.1
-#: Largest time step: share of the Rayleigh time, and of the Hertz contact time (5 steps in a contact).
-MAX_RAYLEIGH, MAX_HERTZ = 0.5, 0.2
+#: Largest time step: share of the Rayleigh time, and of the contact time (5 steps in a contact).
+MAX_RAYLEIGH, MAX_CONTACT = 0.5, 0.2
 #: A trace [bytes] above this fills the memory: 15 float64 numbers for each particle and row.
 MAX_TRACE = 4e9
 
@@ -50,8 +50,7 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
     holds(_duration, "time")
     if not (particles and holds(_state)):
         return found
-    if pairs and walls:
-        holds(_pairs, "contact")
+    paired = pairs and walls and holds(_pairs, "contact")
     periodic = domain and holds(_periodic, "solver")
     if holds(_radius_units) and units and domain:
         if holds(_inside) and periodic:
@@ -59,7 +58,8 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
         if walls:
             holds(_behind_walls, "allow")
             holds(_reachable_walls)
-            holds(_time_step, "time", "contact", "gravity", "allow")
+            if paired:
+                holds(_time_step, "time", "contact", "gravity", "allow")
         holds(_trace, "time", "output")
     return found
 
@@ -274,18 +274,36 @@ def _duration(scene: Scene) -> list[str]:
 
 
 def _time_step(scene: Scene) -> list[str]:
-    if "time_step" in scene.allow or scene.contact.normal == "hertz/stiffness":
+    if "time_step" in scene.allow:
         return []
-    limits = (
-        (MAX_RAYLEIGH * rayleigh_time(scene), f"{MAX_RAYLEIGH:g} of the Rayleigh time"),
-        (MAX_HERTZ * hertz_time(scene), f"{MAX_HERTZ:g} of the Hertz contact time"),
-    )
-    limit, what = min(limits)
+    limit, what = step_limit(scene, MAX_RAYLEIGH, MAX_CONTACT)
     if scene.time.step <= limit:
         return []
     return [
         f"time.step = {scene.time.step:g} s: above {what}, {limit:.3g} s; waive with allow = ['time_step']"
     ]
+
+
+def step_limit(scene: Scene, rayleigh: float, contact: float) -> tuple[float, str]:
+    """(longest step [s], what limits it) for these shares of the Rayleigh and the contact time.
+
+    With `hertz/stiffness` the moduli of the materials do not act, and the Rayleigh time means nothing.
+    """
+    kind = {"hooke": "contact time (hooke)", "hertz": "Hertz contact time"}.get(
+        scene.contact.normal, "contact time (hertz/stiffness)"
+    )
+    limits = [(contact * contact_time(scene), f"{contact:g} of the {kind}")]
+    if scene.contact.normal != "hertz/stiffness":
+        limits.append((rayleigh * rayleigh_time(scene), f"{rayleigh:g} of the Rayleigh time"))
+    return min(limits)
+
+
+def step_warnings(scene: Scene) -> list[str]:
+    """A step that is stable and still above what is usual."""
+    limit, what = step_limit(scene, USUAL_RAYLEIGH, USUAL_CONTACT)
+    if scene.time.step <= limit * (1 + 1e-12):
+        return []
+    return [f"time.step = {scene.time.step:g} s: above the usual {what}, {limit:.3g} s"]
 
 
 def _trace(scene: Scene) -> list[str]:

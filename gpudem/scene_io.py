@@ -48,6 +48,14 @@ def parse_json(text: str, source: str) -> dict[str, Any]:
     return data
 
 
+def take_auto_step(data: dict[str, Any]) -> tuple[bool, dict[str, Any]]:
+    """(whether time.step is "auto", the data with the duration in its place until it is resolved)."""
+    time = data.get("time")
+    if not isinstance(time, dict) or time.get("step") != "auto":
+        return False, data
+    return True, {**data, "time": {**time, "step": time.get("duration", 1.0)}}
+
+
 def problems(error: ValidationError, model: type[BaseModel]) -> list[str]:
     """One line for each finding: key, value, what is wrong, what is allowed."""
     found = error.errors(include_url=False)

@@ -152,7 +152,10 @@ class Time(Model):
     """Time step and length of a run."""
 
     step: Annotated[float, positive("s")]
+    """Or "auto": the scene resolves it to the step that `accuracy` needs (`gpudem.time_scales.step_for`)."""
     duration: Annotated[float, positive("s")]
+    accuracy: Annotated[float, number("1", 1e-6, 0.1)] | None = None
+    """Of step = "auto": largest position error in a contact, as a share of its largest overlap."""
 
 
 class Output(Model):
