@@ -9,13 +9,17 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from gpudem import guards
 from gpudem.crew import Crew
 from gpudem.errors import SimulationError
 from gpudem.neighbors import (
+    DEEP_IN_WALL,
     HITS,
     LOST,
     NOT_A_NUMBER,
     OK,
+    TOO_DEEP,
+    TOO_FAST,
     cell_kernel,
     cell_starts,
     gather_kernel,
@@ -64,7 +68,7 @@ class NeighborList:
         self.start = wp.zeros(n + 1, dtype=wp.int32, device=device)
         self.count = wp.zeros(n + 1, dtype=wp.int32, device=device)
         self.hits = wp.zeros(n * HITS, dtype=wp.int32, device=device)
-        self.status = wp.zeros(2, dtype=wp.int32, device=device)
+        self.status = wp.zeros(3, dtype=wp.int32, device=device)
         self.scratch = t.Particles()
         self._moved_arrays = ["id"]
         self._moved_arrays += ["radius"] * spec.several_radii + ["mass"] * spec.several_masses
@@ -162,21 +166,30 @@ class NeighborList:
             listing = [p, self.key, self.cell_start, self.order]
             inputs, outputs = {
                 "cells": ([p, now], [self.key, self.order, self.status]),
-                "gather": ([self.order, self.walls, now, p], [scratch, self.scratch]),
-                "count": ([*listing, self.count, self.hits], [None, None, None]),
-                "fill": ([*listing, self.start, self.hits], [self.neighbor, self.spring, self.rolling]),
+                "gather": ([self.order, self.walls, now, p], [scratch, self.scratch, self.status]),
+                "count": ([*listing, self.count, self.hits], [None, None, None, self.status]),
+                "fill": (
+                    [*listing, self.start, self.hits],
+                    [self.neighbor, self.spring, self.rolling, self.status],
+                ),
             }[name]
             self._commands[name, parity] = self.crew.command(self.kernels[name], self.params, inputs, outputs)
         self._commands[name, parity]()
 
     def _check(self) -> None:
-        """Raises SimulationError for what a rebuild reported: a lost particle, NaN."""
-        code, who = (int(v) for v in self.status.numpy())
+        """Raises SimulationError for what a rebuild reported: a lost particle, NaN, a guard."""
+        code, who, other = (int(v) for v in self.status.numpy())
         if code == OK:
             return
-        domain = self.scene.domain
+        scene = self.scene
+        share = f"more than {guards.overlap_limit(scene):g} of the {'smaller ' * (code == TOO_DEEP)}radius"
         what = {
-            LOST: f"left the domain {domain.lo} .. {domain.hi} m",
+            LOST: f"left the domain {scene.domain.lo} .. {scene.domain.hi} m",
             NOT_A_NUMBER: "has a position that is not a number (NaN)",
+            TOO_FAST: f"moves faster than {guards.speed_limit(scene):.4g} m/s, the smallest radius in a step",
+            TOO_DEEP: f"overlaps particle {other + 1} by {share}",
+            DEEP_IN_WALL: f"overlaps wall {scene.planes[other].name if scene.planes else ''} by {share}",
         }[code]
-        raise SimulationError(f"particle {who + 1} {what}")
+        deep = (TOO_DEEP, DEEP_IN_WALL)
+        advice = guards.OVERLAP_ADVICE if code in deep else guards.SPEED_ADVICE if code == TOO_FAST else ""
+        raise SimulationError(f"particle {who + 1} {what}" + (f"; {advice}" if advice else ""))

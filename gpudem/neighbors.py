@@ -18,8 +18,8 @@ from gpudem.walls import plane_distance
 
 #: Neighbours of a particle that the count remembers for the fill; one with more is searched again.
 HITS = wp.constant(24)
-#: What `status[0]` says; status[1] is the particle's row in the scene.
-OK, LOST, NOT_A_NUMBER = 0, 1, 2
+#: What `status[0]` says; status[1] is the particle's row in the scene, status[2] its partner's or the plane.
+OK, LOST, NOT_A_NUMBER, TOO_FAST, TOO_DEEP, DEEP_IN_WALL = 0, 1, 2, 3, 4, 5
 
 
 @wp.func
@@ -95,6 +95,10 @@ def cell_kernel(spec: Spec) -> Any:
                 status[0] = code
                 s = t.wide(0.0)
             cell[a] = wp.min(wp.int32(s * params.cell_rate[a]), params.cells[a] - 1)
+        v = now[i].velocity
+        if wp.dot(v, v) > params.speed_limit:
+            status[1] = particles.id[i]
+            status[0] = wp.int32(TOO_FAST)
         key[i] = (cell[2] * params.cells[1] + cell[1]) * params.cells[0] + cell[0]
         order[i] = i
 
@@ -122,6 +126,7 @@ def gather_kernel(spec: Spec) -> Any:
         # out
         moved: wp.array[Body],
         moved_particles: Particles,
+        status: wp.array[wp.int32],
     ):
         i = begin + wp.tid()
         o = order[i]
@@ -140,8 +145,13 @@ def gather_kernel(spec: Spec) -> Any:
                 reach = particles.radius[o]
             near = wp.int32(0)
             for k in range(params.planes):
-                if plane_distance(now[o].position, walls.normal[k], walls.offset[k]) < reach + params.skin:
+                distance = plane_distance(now[o].position, walls.normal[k], walls.offset[k])
+                if distance < reach + params.skin:
                     near = near | (1 << k)
+                    if distance < reach - params.overlap_limit * reach:
+                        status[1] = particles.id[o]
+                        status[2] = k
+                        status[0] = wp.int32(DEEP_IN_WALL)
             moved_particles.wall_near[i] = near
         if wp.static(walls_with_memory):
             touch = particles.wall_touch[o]
@@ -214,6 +224,7 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
         neighbor: wp.array[wp.int32],
         spring: wp.array[t.vec3],
         rolling: wp.array[t.vec3],
+        status: wp.array[wp.int32],
     ):
         i = begin + wp.tid()
         x = particles.built_at[i]
@@ -277,6 +288,14 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
                                     found_j = -j - 1
                                 at = wp.int32(0) + touching
                                 touching += 1
+                                smaller = params.radius
+                                if wp.static(spec.several_radii):
+                                    smaller = wp.min(particles.radius[i], particles.radius[j])
+                                deep = touch - params.overlap_limit * smaller
+                                if deep > t.wide(0.0) and rsq < deep * deep:
+                                    status[1] = particles.id[i]
+                                    status[2] = particles.id[j]
+                                    status[0] = wp.int32(TOO_DEEP)
                             if wp.static(fill):
                                 neighbor[first + count] = neighbor[first + at]
                                 neighbor[first + at] = found_j

@@ -84,8 +84,8 @@ class Scene(Model):
     time: Time
     output: Output = Output()
     solver: Solver = Solver()
-    allow: tuple[Literal["time_step", "unusual_units", "overlap"], ...] = ()
-    """Checks waived by name for this scene."""
+    allow: tuple[Literal["time_step", "unusual_units", "overlap", "large_overlap", "speed"], ...] = ()
+    """Checks and guards waived by name for this scene."""
 
     def __init__(self, /, _source: str = "<python>", **data: Any):
         automatic, data = scene_io.take_auto_step(data)

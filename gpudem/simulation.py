@@ -10,6 +10,7 @@ from pathlib import Path
 
 import warp
 
+from gpudem import guards
 from gpudem.observe import Recorder
 from gpudem.restart import Restart
 from gpudem.run import Run, Timing
@@ -117,6 +118,7 @@ def _run(
                 precision=scene.solver.precision,
                 peak_memory_bytes=_peak_memory(),
             ),
+            warnings=guards.energy_warnings(scene, recorder.history),
             notes=notes,
             trace=recorder.trace,
             history=recorder.history,

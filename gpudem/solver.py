@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from gpudem import guards
 from gpudem.crew import Crew
 from gpudem.device import find_device
 from gpudem.errors import SimulationError
@@ -75,6 +76,8 @@ class Simulation:
             t.wide3(*(np.array(scene.domain.hi) - np.array(scene.domain.lo))),
         )
         p.cells, p.cell_rate = wp.vec3i(*cells), t.wide3(*rate)
+        p.speed_limit = guards.speed_limit(scene) ** 2
+        p.overlap_limit = guards.overlap_limit(scene)
         p.skin, p.move_limit = scene.skin, (scene.skin / 2) ** 2
         p.radius, p.mass = float(scene.state.radius.max()), float(masses(scene)[0])
         p.kick = 0.5 * scene.time.step / p.mass
@@ -173,9 +176,9 @@ class Simulation:
             self.neighbors.rebuild()
         except SimulationError as error:
             step = self.step_count + 1
-            raise SimulationError(
-                f"{error} at t = {step * self.scene.time.step:.9g} s (step {step})"
-            ) from None
+            what, mark, advice = str(error).partition("; ")
+            when = f"t = {step * self.scene.time.step:.9g} s (step {step})"
+            raise SimulationError(f"{what} at {when}{mark}{advice}") from None
 
     def _launch(self, mode: int, launch: int = 0) -> None:
         """The step kernel from `now` to `next`; recorded once for each mode, place and direction."""

@@ -39,6 +39,8 @@ def structs(precision: str) -> SimpleNamespace:
         cell_rate: wide3  # cells per length [1/m]
         skin: wide  # [m]
         move_limit: wide  # (skin/2)^2 [m2]
+        speed_limit: wide  # squared, of the guard [m2/s2]
+        overlap_limit: wide  # of the guard, by the smaller radius [1]
         radius: wide  # of equal spheres [m]
         mass: real  # of equal spheres of one material [kg]
         kick: real  # dt/(2 m) of equal spheres [s/kg]

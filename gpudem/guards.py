@@ -1,0 +1,66 @@
+"""Guards against results that are wrong without looking so: what they hold to, and what they say.
+
+Speed and overlap are looked at on the device whenever the neighbour list is rebuilt, which fast particles
+bring about by themselves; they end the run. The energy is looked at in the history, and warned about.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gpudem.state import masses
+
+if TYPE_CHECKING:
+    import pandas
+
+    from gpudem.scene import Scene
+
+#: Largest overlap, as a share of the smaller radius: beyond it no contact law holds.
+MAX_OVERLAP = 0.5
+#: Largest displacement in a step, as a share of the smallest radius: beyond it spheres pass through others.
+MAX_MOVE = 1.0
+#: Growth of kinetic and potential energy, as a share of what the scene had to lose.
+MAX_GROWTH = 0.05
+
+OVERLAP_ADVICE = (
+    "the material is too soft or the time step too long for this speed; waive with allow = ['large_overlap']"
+)
+SPEED_ADVICE = "it would pass through others: a shorter time step; waive with allow = ['speed']"
+
+
+def overlap_limit(scene: Scene) -> float:
+    """Largest overlap as a share of the smaller radius; infinite for a scene that waives it."""
+    return float("inf") if {"overlap", "large_overlap"} & set(scene.allow) else MAX_OVERLAP
+
+
+def speed_limit(scene: Scene) -> float:
+    """Largest speed [m/s]: smallest radius by time step; infinite for a scene that waives it."""
+    if "speed" in scene.allow:
+        return float("inf")
+    return MAX_MOVE * float(scene.state.radius.min()) / scene.time.step
+
+
+def energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]:
+    """Whether kinetic + potential energy grew above its start, which nothing dissipative and closed can do.
+
+    Scale: the kinetic energy at the start and the energy of a fall by one diameter. What the springs hold at
+    the start is not counted: scenes that waive the check of start overlaps are left out, others start with
+    springs whose energy is far below the scale.
+    """
+    closed = scene.needs.damping and "overlap" not in scene.allow
+    if history is None or not closed or len(history) < 2:
+        return []
+    energy = sum(history[f"{kind}_energy"].to_numpy() for kind in ("kinetic", "rotational", "potential"))
+    fall = float(masses(scene) @ (2 * scene.state.radius)) * float(np.linalg.norm(scene.gravity))
+    kinetic = float(history.kinetic_energy.iloc[0] + history.rotational_energy.iloc[0])
+    growth = (energy - energy[0]) / max(kinetic + fall, 1e-300)
+    if not growth.max() > MAX_GROWTH:
+        return []
+    k = int(np.argmax(growth > MAX_GROWTH))
+    return [
+        f"energy grew: at t = {history.time.iloc[k]:.6g} s kinetic and potential energy exceed those at the"
+        f" start by {100 * growth[k]:.3g} % of the kinetic energy at the start and a fall by one diameter"
+        f" (at most {100 * growth.max():.3g} % later): the time step is too long for this scene"
+    ]

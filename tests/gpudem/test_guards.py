@@ -1,0 +1,92 @@
+"""Guards: what would be a wrong result without a message ends with one, naming particle, time and cause."""
+
+import re
+
+import pytest
+
+from gpudem.errors import SimulationError
+from gpudem.scene import Scene
+from gpudem.simulation import run
+from tests.gpudem.beds import falling_bed
+
+WALL = {"kind": "plane", "name": "floor", "material": "ball", "point": (0, 0, 0), "normal": (0, 0, 1)}
+
+
+def two(speed: float, step: float, *, wall: bool = False, young: float = 5e6, radius=0.003, **more) -> Scene:
+    """Two spheres head-on, 1 mm apart, or one against the floor."""
+    position = [(0.05, 0.05, 0.02), (0.05, 0.05, 0.027)]
+    velocity = [(0, 0, speed / 2), (0, 0, -speed / 2)]
+    if wall:
+        position, velocity = [(0.05, 0.05, 0.004)], [(0, 0, -speed)]
+    data = {
+        "name": "two",
+        "materials": {"ball": {"young": young, "poisson": 0.3, "density": 2500.0}},
+        "pairs": [{"materials": ("ball", "ball"), "restitution": 0.9}],
+        "particles": {"source": "explicit", "material": "ball", "radius": radius, "position": position,
+                      "velocity": velocity},
+        "walls": [WALL] if wall else [], "domain": {"lo": (0, 0, 0), "hi": (0.1, 0.1, 0.1)},
+        "time": {"step": step, "duration": 100 * step}, "allow": ["time_step"],
+    }  # fmt: skip
+    return Scene(**data | more)
+
+
+def failure(scene: Scene) -> str:
+    with pytest.raises(SimulationError) as caught:
+        run(scene)
+    return str(caught.value)
+
+
+def test_overlap_of_two_particles():
+    """Catches a guard by the larger radius, or one that never fires."""
+    text = failure(two(20.0, 1e-5, young=1e5))
+    assert re.match(
+        r"particle [12] overlaps particle [12] by more than 0.5 of the smaller radius at t = ", text
+    )
+    assert re.search(r"\(step \d+\); .*waive with allow = \['large_overlap'\]", text)
+
+
+def test_overlap_counts_by_the_smaller_radius():
+    """By 0.7 of the small one, 0.14 of the large."""
+    scene = two(14.0, 1e-6, young=1e7, radius=[0.005, 0.001], particles={
+        "source": "explicit", "material": "ball", "radius": [0.005, 0.001],
+        "position": [(0.05, 0.05, 0.02), (0.05, 0.05, 0.0262)], "velocity": [(0, 0, 7.0), (0, 0, -7.0)],
+    }, solver={"skin": 1e-4}, time={"step": 1e-6, "duration": 1e-3})  # fmt: skip
+    assert "of the smaller radius" in failure(scene)
+
+
+def test_overlap_with_a_wall_names_it():
+    text = failure(two(20.0, 1e-5, wall=True, young=1e5))
+    assert text.startswith("particle 1 overlaps wall floor by more than 0.5 of the radius at t = ")
+
+
+def test_a_step_across_a_radius():
+    text = failure(two(1000.0, 1e-5))
+    assert re.match(r"particle [12] moves faster than 300 m/s, the smallest radius in a step at t = ", text)
+    assert "waive with allow = ['speed']" in text
+
+
+def test_guards_can_be_waived():
+    assert run(two(20.0, 1e-5, young=1e5, allow=["time_step", "large_overlap"])).timing.steps == 100
+    fast = two(
+        1000.0, 1e-5, allow=["time_step", "speed", "large_overlap"], time={"step": 1e-5, "duration": 2e-5}
+    )
+    assert run(fast).timing.steps == 2  # they have passed through each other, and nobody says so
+
+
+def test_an_ordinary_bed_meets_no_guard():
+    """A gate, walls, friction: no guard fires, and the energy of a bed at rest does not pass for growth."""
+    done = run(falling_bed(600, output={"history_every": 1e-3}))
+    assert done.warnings == []
+
+
+def test_energy_that_grows_is_told():
+    """A contact of two steps: the first finds a deep overlap; the spring gives back more than it got."""
+    step = 3e-4
+    done = run(two(4.0, step, allow=["time_step", "large_overlap", "speed"], output={"history_every": step},
+                   time={"step": step, "duration": 10 * step}))  # fmt: skip
+    assert done.history is not None
+    assert done.history.kinetic_energy.max() > 2 * done.history.kinetic_energy.iloc[0]
+    assert len(done.warnings) == 1
+    assert re.match(r"energy grew: at t = 0\.0009 s .* exceed those at the start by 270 %", done.warnings[0])
+    sound = two(4.0, 1e-5, output={"history_every": 1e-5})
+    assert run(sound).warnings == []
