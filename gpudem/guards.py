@@ -52,7 +52,7 @@ def energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]
     closed = scene.needs.damping and "overlap" not in scene.allow
     if history is None or not closed or len(history) < 2:
         return []
-    energy = sum(history[f"{kind}_energy"].to_numpy() for kind in ("kinetic", "rotational", "potential"))
+    energy = history[["kinetic_energy", "rotational_energy", "potential_energy"]].to_numpy().sum(axis=1)
     fall = float(masses(scene) @ (2 * scene.state.radius)) * float(np.linalg.norm(scene.gravity))
     kinetic = float(history.kinetic_energy.iloc[0] + history.rotational_energy.iloc[0])
     growth = (energy - energy[0]) / max(kinetic + fall, 1e-300)
