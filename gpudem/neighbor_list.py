@@ -183,12 +183,13 @@ class NeighborList:
             return
         scene = self.scene
         share = f"more than {guards.overlap_limit(scene):g} of the {'smaller ' * (code == TOO_DEEP)}radius"
+        wall = scene.planes[other].name if code == DEEP_IN_WALL else ""
         what = {
             LOST: f"left the domain {scene.domain.lo} .. {scene.domain.hi} m",
             NOT_A_NUMBER: "has a position that is not a number (NaN)",
             TOO_FAST: f"moves faster than {guards.speed_limit(scene):.4g} m/s, the smallest radius in a step",
             TOO_DEEP: f"overlaps particle {other + 1} by {share}",
-            DEEP_IN_WALL: f"overlaps wall {scene.planes[other].name if scene.planes else ''} by {share}",
+            DEEP_IN_WALL: f"overlaps wall {wall} by {share}",
         }[code]
         deep = (TOO_DEEP, DEEP_IN_WALL)
         advice = guards.OVERLAP_ADVICE if code in deep else guards.SPEED_ADVICE if code == TOO_FAST else ""

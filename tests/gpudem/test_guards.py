@@ -59,6 +59,11 @@ def test_overlap_with_a_wall_names_it():
     assert text.startswith("particle 1 overlaps wall floor by more than 0.5 of the radius at t = ")
 
 
+def test_overlap_of_two_particles_above_a_wall():
+    """Catches the partner's row taken for the number of a wall."""
+    assert "of the smaller radius" in failure(two(20.0, 1e-5, young=1e5).replace(walls=[WALL]))
+
+
 def test_a_step_across_a_radius():
     text = failure(two(1000.0, 1e-5))
     assert re.match(r"particle [12] moves faster than 300 m/s, the smallest radius in a step at t = ", text)
