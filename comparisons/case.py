@@ -33,6 +33,9 @@ class Variant:
     codes: tuple[str, ...] = ("gpudem", "liggghts")
     options: dict[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
     """Keyword arguments of a code's run function, by code: {"liggghts": {"ranks": 2}}."""
+    may_end: bool = False
+    """The scene is there to find out whether codes come through: an error of a code is a result, kept in
+    `Results.ended`, and no failure of the comparison."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,6 +46,8 @@ class Results:
     runs: dict[tuple[str, str], Run]
     cache: dict[Any, Any] = dataclasses.field(default_factory=dict)
     """For what several checks share (an oracle's solution): `results.once(key, function)`."""
+    ended: dict[tuple[str, str], str] = dataclasses.field(default_factory=dict)
+    """What a code said when it gave up a variant that may end early; such a variant has no run."""
 
     def __getitem__(self, key: tuple[str, str]) -> Run:
         return self.runs[key]

@@ -58,6 +58,7 @@ class Evaluation:
         self.tier: Tier = tier
         self.runs: dict[Key, Run] = {}
         self.failed: dict[Key, str] = {}
+        self.ended: dict[Key, str] = {}
         self._cache: dict[Any, Any] = {}
 
     def check(self, check: Check) -> CheckResult:
@@ -113,13 +114,13 @@ class Evaluation:
 
     def _results(self, needs: tuple[str, ...]) -> Results:
         failed = {key: why for key, why in self.failed.items() if key[1] in needs}
-        return Results(self.tier, Runs(self.runs, failed), self._cache)
+        return Results(self.tier, Runs(self.runs, failed), self._cache, self.ended)
 
     def _missing(self, item: Check | Figure | Table) -> tuple[Any, str]:
         away = [code for code in item.needs if code not in self.selected]
         if away:
             return "left_out", f"needs {', '.join(map(codes.title, away))}, which was not selected"
-        ran = {code for _, code in [*self.runs, *self.failed]}
+        ran = {code for _, code in [*self.runs, *self.failed, *self.ended]}
         never = [code for code in item.needs if code not in ran]
         if never:
             return (

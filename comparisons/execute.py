@@ -173,6 +173,10 @@ class Session:
             run = codes.CODES[code].run(scene, directory, self.options, self.reporter.step, extra)
         except Exception as error:
             why = describe(error)
+            if variant.may_end and isinstance(error, GpudemError):
+                evaluation.ended[variant.label, code] = why
+                self.comparison.runs.append(RunResult(**facts, version="", status="ended", why=why))
+                return
             (directory / "error.txt").write_text(traceback.format_exc())
             evaluation.failed[variant.label, code] = why
             self.comparison.runs.append(RunResult(**facts, version="", status="error", why=why))

@@ -108,7 +108,8 @@ class RunResult:
     variant: str
     code: str
     version: str
-    status: Literal["ok", "error"]
+    status: Literal["ok", "error", "ended"]
+    """`ended`: the code gave the run up, which this variant is there to find out."""
     directory: str
     """Relative to the comparison's folder."""
     scene_hash: str

@@ -1,0 +1,62 @@
+"""No extreme scene ends in a hang, a silent NaN or a wrong number without a message from gpudem."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from comparisons.cases.extremes import scenes
+from comparisons.extremes import Extreme
+from gpudem import simulation
+from gpudem.errors import SimulationError
+from gpudem.run import Run
+
+#: Scenes that no code can bring to an end, and the words that gpudem must have for them.
+WORDS = {
+    "fast_30": "overlaps wall side_zlo by more than", "fast_300": "overlaps wall side_zlo by more than",
+    "concentric": "is not a number (NaN)", "leaves": "left the domain",
+}  # fmt: skip
+EXTREMES = {x.name: x for x in scenes()}
+
+
+def outcome(x: Extreme, precision: str) -> str:
+    """ "right", "wrong, silently", or what was said."""
+    try:
+        run = simulation.run(x.scene, precision=precision)
+    except SimulationError as error:
+        return str(error)
+    return "; ".join(run.warnings) or ("right" if x.error(run) <= x.tolerance else "wrong, silently")
+
+
+@pytest.mark.parametrize("precision", ["float64", "mixed"])
+@pytest.mark.parametrize("name", EXTREMES)
+def test_right_or_said(name: str, precision: str):
+    """Catches balls that pass through walls, NaN written on, lost particles, an edge counted once."""
+    said = outcome(EXTREMES[name], precision)
+    if name in WORDS:
+        assert WORDS[name] in said
+        assert "particle" in said
+        assert " at t = " in said
+    else:
+        assert said == "right"
+
+
+def test_a_silent_wrong_number_is_seen():
+    """The table can fail: float32 is wrong without a word a kilometre from the origin."""
+    assert outcome(EXTREMES["far"], "float32") == "wrong, silently"
+
+
+@pytest.mark.parametrize("name", [name for name in EXTREMES if name not in WORDS])
+def test_a_run_that_did_nothing_is_wrong(name: str):
+    """Catches an error measure that holds whatever happens: balls that stay as they started, or NaN."""
+    x = EXTREMES[name]
+    run = simulation.run(x.scene.replace(time={"duration": x.scene.time.step}, output={"trace_every": 1e-9}))
+    assert run.trace is not None
+    for value in (None, np.nan):
+        trace = {k: v if value is None else np.full_like(v, value, dtype=float) for k, v in run.trace.items()}
+        still: Run = dataclasses.replace(run, trace=trace)
+        if value is None and name == "touching":
+            continue  # it is to stay as it started
+        assert not x.error(still) <= x.tolerance
