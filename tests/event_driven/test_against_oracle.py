@@ -1,0 +1,142 @@
+"""The event loop against the slow oracle: all pairs, one clock, no cells, no tree."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gpudem.event_driven.engine import Engine
+from gpudem.event_driven.oracle import Slow
+from gpudem.event_driven.statement import Statement
+from gpudem.scene import Box, Plane
+from tests.event_driven import scenes
+
+WALLS = ("xlo", "xhi", "ylo", "yhi", "zlo", "zhi")
+GATE = [
+    Box(kind="box", name="box", material="wall", sides=("xlo", "xhi", "zlo")),
+    Plane(name="gate", material="wall", point=(0.25, 0, 0), normal=(-1, 0, 0), removed_at=0.05),
+]
+#: Scene, floor speed, guard: each axis of the statement is in one of them at least.
+SCENES = {
+    "disks over a vibrating floor": (lambda: scenes.vibrated(), 0.149, 0.0),
+    "disks, guarded": (lambda: scenes.vibrated(restitution=0.7, wall_restitution=0.8), 0.149, 5e-3),
+    "two radii, periodic cube": (lambda: scenes.gas(restitution=0.9), 0.0, 0.0),
+    "two radii, box, oblique gravity": (
+        lambda: scenes.gas(
+            periodic=(False, False, False), sides=WALLS, gravity=(3.0, 1.0, -9.81), wall_restitution=0.9
+        ),
+        0.0,
+        0.0,
+    ),
+    "periodic in one axis of two cells": (
+        lambda: scenes.gas(
+            8, edge=0.12, periodic=(True, False, True), sides=("ylo", "yhi"), gravity=(0, -1.0, 0)
+        ),
+        0.0,
+        0.0,
+    ),
+    "gate": (lambda: scenes.vibrated(walls=GATE, hi=(0.6, 0.1, 12)), 0.0, 0.0),
+}
+#: Chaos multiplies rounding with every collision of a particle: few particles, fewer collisions.
+COLLISIONS = {"periodic in one axis of two cells": 35}
+
+
+def both(name: str, collisions: int, **engine: float) -> tuple[Engine, Slow]:
+    make, floor_speed, guard = SCENES[name]
+    statement = Statement.of(make(), floor_speed, guard)
+    slow = Slow(statement)
+    slow.advance(1.0, collisions)
+    quick = Engine(statement, log=collisions, **engine)
+    quick.advance(slow.time + 1e-11)  # the last collision is in
+    return quick, slow
+
+
+def sequence(engine: Engine) -> list[tuple[int, int]]:
+    """Who met whom, the lower number first."""
+    return [(a, b) if b < 0 else (min(a, b), max(a, b)) for a, b in engine.log[0].tolist()]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_same_collisions_at_the_same_times(name):
+    # catches: an event lost by cells, tree, lazy invalidation or a periodic image; a wrong rule of collision
+    count = COLLISIONS.get(name, 200)
+    quick, slow = both(name, count)
+    assert len(slow.log) == count
+    assert sequence(quick) == [(i, j) for _, i, j in slow.log]
+    np.testing.assert_allclose(quick.log[1], [t for t, _, _ in slow.log], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_same_books(name):
+    # catches: work, dissipation or guarded collisions counted otherwise than they act
+    quick, slow = both(name, COLLISIONS.get(name, 200))
+    assert quick.sums.work == pytest.approx(slow.work, abs=1e-9)
+    assert quick.sums.dissipated == pytest.approx(slow.dissipated, abs=1e-9)
+    assert quick.counts.guarded == slow.guarded
+    assert quick.energy() == pytest.approx(slow.energy(), abs=1e-9)
+
+
+def test_the_guard_acts():
+    # or the comparison above would hold without one
+    quick, _ = both("disks, guarded", 200)
+    assert 5 < quick.counts.guarded < 150
+
+
+def test_walls_are_hit():
+    # at each side of the box, or its walls were not compared
+    quick, _ = both("two radii, box, oblique gravity", 200)
+    assert set(quick.log[0][:, 1]) >= {-2 - side for side in range(6)}
+
+
+def test_the_gate_holds_and_goes():
+    # catches: a gate that never goes, or walls behind it that are not predicted once it has
+    quick, slow = both("gate", 200)
+    sides = {(partner, t < 0.05) for t, _, partner in slow.log if partner == -3}
+    assert sides == {(-3, True)}  # the gate was hit, the wall behind it not yet
+    assert slow.time > 0.08
+    quick.advance(0.8)
+    assert quick.state()[0][:, 0].max() > 0.5
+
+
+@pytest.mark.parametrize("cells", [1.0, 2.6, 4.0, 1000.0])
+@pytest.mark.parametrize("name", list(SCENES)[:3])
+def test_independent_of_the_size_of_the_cells(name, cells):
+    # catches: a pair that comes within reach unseen after a crossing; 1000: one cell, no crossings
+    make, floor_speed, guard = SCENES[name]
+    statement = Statement.of(make(), floor_speed, guard)
+    one, other = Engine(statement, log=200), Engine(statement, cells * 2 * scenes.RADIUS, log=200)
+    assert one.cells.prod() != other.cells.prod()
+    one.advance(0.3)
+    other.advance(0.3)
+    assert len(one.log[0]) == 200
+    assert sequence(one) == sequence(other)
+    np.testing.assert_allclose(one.log[1], other.log[1], rtol=0, atol=1e-12)
+
+
+def test_independent_of_how_often_it_is_looked_at():
+    # catches: a stop that moves clocks or predicts anew and so changes the rounding
+    statement = Statement.of(scenes.vibrated(), 0.149)
+    one, other = Engine(statement), Engine(statement)
+    one.advance(1.0)
+    for k in range(1, 101):
+        other.advance(k / 100)
+        other.state()
+    np.testing.assert_array_equal(one.state(), other.state())
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_nothing_ever_overlaps(name):
+    # catches: a missed collision long after the first 200; seen by all pairs, not by the loop's own books
+    make, floor_speed, guard = SCENES[name]
+    statement = Statement.of(make(), floor_speed, guard)
+    quick, look = Engine(statement), Slow(statement)
+    for k in range(1, 101):
+        quick.advance(k / 100)
+        look.x, _ = quick.state()
+        assert look.closest() < 1e-9
+        for side in np.flatnonzero(statement.segments[-1][2].present):
+            walls = statement.segments[-1][2]
+            depth = statement.radius - (look.x[:, side // 2] - walls.at[side]) * (1 - 2 * (side % 2))
+            assert depth.max() < 1e-9 * scenes.RADIUS
+    assert quick.counts.pairs > 100
+    assert quick.sums.overlap < 1e-9

@@ -1,0 +1,211 @@
+"""Where event-driven simulations hang, tunnel or lie: collapse, rest, jams, grazing, ties, touch at the start."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import gpudem.event_driven
+from gpudem.errors import SceneError, SimulationError
+from gpudem.event_driven.engine import CHUNK, Engine
+from gpudem.event_driven.statement import Statement
+from gpudem.scene import Contact, Output, Plane
+from tests.event_driven import scenes
+
+R = scenes.RADIUS
+
+
+def engine(scene, floor_speed=0.0, guard=0.0, log=100) -> Engine:
+    return Engine(Statement.of(scene, floor_speed, guard), log=log)
+
+
+def bouncing(e: float, height: float = 0.5, **more):
+    return scenes.scene(
+        [[0, 0, height + R]], [[0, 0, 0]], wall_restitution=e, gravity=(0, 0, -1), lo=(-1, -1, 0),
+        sides=("zlo",), duration=40.0, **more,
+    )  # fmt: skip
+
+
+def test_inelastic_collapse_on_the_floor_is_an_error():
+    # catches: an endless loop. Bounces of e = 0.5 add up to t = t1 (1 + e)/(1 - e) = 3 t1
+    e = engine(bouncing(0.5))
+    with pytest.raises(SimulationError, match=r"particle 1 rests on a wall|event rate diverges") as error:
+        e.advance(10.0, slowest=1e-6)
+    assert e.time == pytest.approx(3.0, abs=1e-6)
+    assert "guard" in str(error.value) or "soft solver" in str(error.value)
+
+
+def test_the_guard_ends_a_collapse_on_the_floor():
+    # catches: a guard on pairs alone. Below a flight of t_c it bounces on, and that is counted
+    e = engine(bouncing(0.5), guard=1e-2)
+    e.advance(10.0)
+    late = e.counts
+    e.advance(20.0)
+    assert e.counts.guarded - late.guarded == e.counts.walls - late.walls > 1000
+    assert 0 < e.state()[0][0, 2] - R < 1e-4
+
+
+def test_the_budget_ends_a_run():
+    # catches: a budget that is not held, or held only in chunks
+    e = engine(bouncing(0.5), guard=1e-4)
+    with pytest.raises(SimulationError, match=r"event budget of 3000 events spent at t = .* collisions"):
+        e.advance(10.0, budget=3000)
+    assert e.counts.events == 3000
+
+
+def clump(restitution: float):
+    rng = np.random.default_rng(3)
+    position = scenes.placed(rng, 60, (-0.25, -1, -0.25), (0.25, 1, 0.25), np.full(60, R), flat=1)
+    velocity = -3 * position + rng.normal(size=(60, 3)) * (0.1, 0, 0.1)
+    return scenes.scene(position, velocity, restitution=restitution, periodic=(True, False, True),
+                        lo=(-0.3, -0.1, -0.3), hi=(0.3, 0.1, 0.3), duration=20.0)  # fmt: skip
+
+
+def test_inelastic_collapse_of_a_clump_is_an_error():
+    # catches: an endless loop among pairs
+    e = engine(clump(0.3))
+    with pytest.raises(SimulationError, match="event rate diverges"):
+        e.advance(20.0, slowest=1e-6)
+    assert e.counts.events <= 10 * CHUNK
+
+
+def test_the_guard_ends_the_collapse_of_a_clump():
+    # catches: a guard that looks at one partner alone, or a clock of the last collision that is not kept
+    e = engine(clump(0.3), guard=1e-4)
+    e.advance(20.0, slowest=1e-6)
+    assert 0 < e.counts.guarded < e.counts.pairs
+    assert e.sums.overlap < 1e-9
+
+
+def test_a_settling_bed_is_an_error_with_advice():
+    # catches: endless or silent creep; without a guard a bed of e = 0.5 cannot come to rest
+    e = engine(scenes.vibrated(restitution=0.5, wall_restitution=0.5, duration=30.0))
+    with pytest.raises(SimulationError, match=r"(?s)(diverges|rests).*soft solver"):
+        e.advance(30.0, slowest=1e-6)
+    assert e.time < 30
+
+
+def test_a_jammed_row_is_an_error():
+    # catches: an endless loop where a row fills its width to the last bit: no time between hits
+    n = 5
+    x = np.column_stack([R * (1 + 2 * np.arange(n)), np.zeros(n), np.full(n, 0.5)])
+    jam = scenes.scene(
+        x, np.outer(np.cos(np.arange(n)), [1, 0, 0]), sides=("xlo", "xhi"),
+        lo=(0, -1, 0), hi=(2 * R * n, 1, 1),
+    )  # fmt: skip
+    e = engine(jam)
+    with pytest.raises(SimulationError, match="event rate diverges"):
+        e.advance(1.0, slowest=1e-6)
+    assert e.time < 1e-6
+
+
+def test_equal_velocities_never_meet():
+    # catches: 0/0 in the root. Touching, side by side, and one behind the other
+    x = [[0, 0, 0], [2 * R, 0, 0], [0, 0, 3 * R], [0.5, 0, 0.5]]
+    e = engine(scenes.scene(x, [[0.1, 0, 0.2]] * 4, gravity=(0, 0, -0.5)))
+    e.advance(1.0)
+    assert e.counts.collisions == 0
+    np.testing.assert_allclose(e.state()[0], np.add(x, [0.1, 0, 0.2 - 0.25]), atol=1e-15)
+
+
+@pytest.mark.parametrize(("offset", "meets"), [(2 * R - 1e-9, True), (2 * R + 1e-9, False), (2 * R, False)])
+def test_grazing(offset, meets):
+    # catches: the textbook root, which loses the digits that decide, and a graze that pulls
+    e = engine(scenes.scene([[-0.5, 0, 0], [0.0, 0, offset]], [[1, 0, 0], [0, 0, 0]]))
+    e.advance(0.9)
+    assert e.counts.pairs == meets
+    if meets:
+        assert e.log[1][0] == pytest.approx(0.5 - math.sqrt(4 * R * R - offset**2), abs=1e-12)
+        assert 0 < e.state()[1][0, 2] * -1 < 1e-3
+    assert e.energy() == pytest.approx(0.5, abs=1e-15)
+
+
+def test_simultaneous_collisions():
+    # catches: a tie that loses an event: two pairs meet and a third disk comes to a wall at the same instant
+    x = [[-0.5, 0, 0.5], [-0.3, 0, 0.5], [0.3, 0, -0.5], [0.5, 0, -0.5], [1 - R - 0.08, 0, 0]]
+    v = [[1, 0, 0], [-1, 0, 0], [1, 0, 0], [-1, 0, 0], [1, 0, 0]]
+    e = engine(scenes.scene(x, v, sides=("xhi",)))
+    e.advance(0.1)
+    assert e.counts.pairs == 2
+    assert e.counts.walls == 1
+    np.testing.assert_allclose(e.log[1], 0.08, atol=1e-15)
+    np.testing.assert_allclose(e.state()[1], -np.array(v), atol=1e-15)
+
+
+def test_newtons_cradle_touching_at_the_start():
+    # catches: touching partners that are dropped as overlapping, or that tunnel
+    x = np.outer(2 * R * np.arange(4) + [0, 0.1, 0.1, 0.1], [1, 0, 0])
+    e = engine(scenes.scene(x, [[1, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0]]))
+    e.advance(0.3)
+    np.testing.assert_allclose(e.state()[1][:, 0], [0, 0, 0, 1], atol=1e-12)
+    assert e.counts.pairs == 3
+
+
+def test_an_approach_from_touch_is_a_collision_now():
+    # catches: a root at t = 0 that is dropped as past
+    e = engine(scenes.scene([[0, 0, 0], [2 * R, 0, 0]], [[1, 0, 0], [0, 0, 0]], restitution=0.5))
+    e.advance(0.1)
+    np.testing.assert_allclose(e.state()[1][:, 0], [0.25, 0.75], atol=1e-15)
+    assert e.log[1].tolist() == [0.0]
+
+
+def test_a_ball_at_rest_on_the_floor_is_an_error():
+    # catches: a zero-speed hit at t = 0 that repeats for ever
+    with pytest.raises(SimulationError, match="particle 1 rests on a wall at t = 0 s"):
+        engine(bouncing(0.9, height=0.0)).advance(1.0)
+
+
+def test_the_fast_floor():
+    # v' = (1 + e) U - e v; catches: U taken once, or the sign of v. And the work it does
+    e = engine(bouncing(0.5, height=0.5), floor_speed=0.3)
+    e.advance(1.0 + 1e-9)
+    assert e.state()[1][0, 2] == pytest.approx(1.5 * 0.3 + 0.5 * 1.0, abs=1e-8)
+    work = (0.95 + 1) * 0.3
+    assert e.sums.work == pytest.approx(work, rel=1e-12)
+    assert e.sums.dissipated == pytest.approx(work - (0.95**2 - 1) / 2, rel=1e-12)
+
+
+def test_a_lost_particle_is_an_error():
+    # catches: a particle that leaves by an open side unseen
+    e = engine(scenes.scene([[0, 0, 0]], [[0, 0, 2]]))
+    with pytest.raises(SimulationError, match=r"particle 1 left the domain by zhi at t = 0\.5 s"):
+        e.advance(1.0)
+
+
+OBLIQUE = Plane(name="slope", material="wall", point=(0, 0, -1), normal=(0.1, 0, 1))
+REFUSED = {
+    "an oblique wall": ({"walls": [OBLIQUE]}, {}, r"walls\.slope\.normal"),
+    "restart files": ({"output": Output(restart_every=0.1)}, {}, r"output\.restart_every"),
+    "no floor to move": ({}, {"floor_speed": 0.1}, "no wall under gravity"),
+    "negative guard": ({}, {"guard": -1.0}, "guard = -1 s"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refused_by_name(name):
+    # catches: a scene that runs as something else than it says
+    changes, options, message = REFUSED[name]
+    with pytest.raises(SceneError, match=message):
+        gpudem.event_driven.run(scenes.scene([[0, 0, 0]], [[0, 0, 0]], **changes), **options)
+
+
+def test_overlap_at_the_start_is_refused():
+    # catches: a pair inside each other, whose root lies in the past
+    with pytest.raises(SceneError, match=r"particles 1 and 2 overlap by 0\.025 diameters"):
+        Statement.of(_allowing(scenes.scene([[0, 0, 0], [1, 0, 0]], [[0, 0, 0]] * 2)))
+
+
+def _allowing(scene):
+    return scene.replace(
+        allow=("time_step", "unusual_units", "overlap"), particles={"position": [[0, 0, 0], [1.95 * R, 0, 0]]}
+    )
+
+
+def test_friction_is_refused():
+    # catches: rough contacts simulated as smooth
+    scene = scenes.scene([[0, 0, 0]], [[0, 0, 0]], contact=Contact(tangential="history"))
+    pairs = [p.model_copy(update={"friction": 0.3}) for p in scene.pairs]
+    with pytest.raises(SceneError, match=r"pairs\.friction"):
+        Statement.of(scene.replace(pairs=pairs))
