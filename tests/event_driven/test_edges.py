@@ -1,4 +1,4 @@
-"""Where event-driven simulations hang, tunnel or lie: collapse, rest, jams, grazing, ties, touch at the start."""
+"""Where event-driven simulations hang, tunnel or lie: collapse, rest, jams, grazing, ties, touch."""
 
 from __future__ import annotations
 
