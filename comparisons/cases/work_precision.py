@@ -8,7 +8,7 @@ import numpy as np
 import pandas
 
 from comparisons import work_precision as work
-from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
+from comparisons.case import TIERS, Case, Check, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.metrics.trace import observed_order
 from comparisons.work_precision import GROUPS, KINDS
 
@@ -18,6 +18,7 @@ OPTIONS = {
     "gpudem": ("gpudem", {"threads": 1}, 1280),
     "gpudem float32": ("gpudem", {"threads": 1, "precision": "float32"}, 1280),
     "gpudem path": ("gpudem", {"threads": 1, "integrator": "path"}, 320),
+    "gpudem path mixed": ("gpudem", {"threads": 1, "integrator": "path", "precision": "mixed"}, 320),
 }
 #: (kinds, steps in a contact, pairs in a group, repeats)
 PLAN = {
@@ -175,11 +176,11 @@ def draw_time(results: Results):
             seconds = np.min([curve(results, option, kind, r)[1] for r in _repeats(results)], axis=0)
             errors = curve(results, option, kind)[2]
             look = plots.style(
-                option.split()[0], marker="osv^"[nth], markersize=4, linestyle="-", label=option
+                option.split()[0], marker="osv^D"[nth], markersize=4, linestyle="-", label=option
             )
-            if option == "gpudem path":
+            if "path" in option:
                 look |= {"color": plots.SERIES[2]}
-            if option == "gpudem float32":
+            if option.endswith(("float32", "mixed")):
                 look |= {"linestyle": ":"}
             ax.loglog(seconds, errors[:, HALF], **look)
         for target in TARGETS:
@@ -188,6 +189,23 @@ def draw_time(results: Results):
     axes[0, 0].set_ylabel("largest error of the trajectory / peak overlap")
     plots.legend(axes[0, 0])
     return figure
+
+
+def mixed_adds(results: Results, kind: str) -> Measured:
+    """Largest difference of the errors of `path` in mixed and in float64 / peak overlap, over rungs and e."""
+    exact, mixed = (curve(results, option, kind)[2] for option in ("gpudem path", "gpudem path mixed"))
+    return Measured(float(np.abs(exact - mixed).max()), note=f"errors down to {exact.min():.2g}")
+
+
+def _mixed(kind: str) -> Check:
+    return Check(
+        name=f"what mixed precision adds to the error of path, {kind} / peak overlap",
+        measure=lambda results: mixed_adds(results, kind), tolerance=1e-5, unit="1",
+        against="path in float64", mark="R", tiers=("standard", "full") if kind != "normal" else TIERS,
+        reason="forces carry 6e-8 and the mean of the damping over a step ten to a hundred times that; a"
+        " hundredth of the error at 0.1 %",
+        catches="an overlap or a position in float32: 1e-3 and more",
+    )  # fmt: skip
 
 
 def draw_order(results: Results):
@@ -242,6 +260,7 @@ CASE = Case(
           for option in ("gpudem", "liggghts") for kind in ("normal", "oblique")),
         *(_order(option, "normal", (1.0,), 2.0, 0.2, "elastic contacts keep order two")
           for option in ("gpudem", "gpudem path", "liggghts")),
+        *(_mixed(kind) for kind in ("normal", "oblique")),
         _fewer("normal", "steps", 3.0), _fewer("oblique", "steps", 3.0),
         _fewer("normal", "time", 2.0), _fewer("oblique", "time", 2.0),
     ),
@@ -249,7 +268,7 @@ CASE = Case(
         Figure(
             "Error against run time, e = 0.5",
             "One core each, the quickest repeat. Dotted: 1 % and 0.1 %. float32 stops where the rounding of"
-            " its positions begins.",
+            " its positions begins; mixed, with positions and velocities in float64, goes on.",
             draw_time, needs=BOTH, section="lead",
         ),
         Figure(
@@ -266,6 +285,7 @@ CASE = Case(
             lead, needs=BOTH, section="lead",
         ),
     ),
-    features=("normal hertz", "damping", "tangential history", "limit_force", "integrator path", "float32"),
+    features=("normal hertz", "damping", "tangential history", "limit_force", "integrator path", "float32",
+              "mixed precision"),
     order=5,
 )  # fmt: skip
