@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
 LONG: tuple[Tier, ...] = ("standard", "full")
-#: DEM02: (duration, time step) [s]; errors of first order add up from bounce to bounce, of which 10 s have more.
+#: DEM02: (duration, time step) [s]; errors of first order add up from bounce to bounce.
 BOUNCING = {"standard": (2.0, 2e-6), "full": (10.0, 1e-6)}
 
 
