@@ -15,8 +15,11 @@ from comparisons.evaluate import Evaluation, describe, outcome
 from comparisons.progress import Reporter, duration
 from comparisons.results import CaseResult, CheckResult, Comparison, RunResult, TimingResult
 from gpudem.errors import GpudemError
+from reference.liggghts.errors import LiggghtsNotFound, LiggghtsTimeout
 
 LATEST = "latest"
+#: A code that is not there or does not come to an end has said nothing about a scene.
+AWAY = (LiggghtsNotFound, LiggghtsTimeout)
 
 
 def new_directory(root: Path, commit: str) -> Path:
@@ -173,7 +176,7 @@ class Session:
             run = codes.CODES[code].run(scene, directory, self.options, self.reporter.step, extra)
         except Exception as error:
             why = describe(error)
-            if variant.may_end and isinstance(error, GpudemError):
+            if variant.may_end and isinstance(error, GpudemError) and not isinstance(error, AWAY):
                 evaluation.ended[variant.label, code] = why
                 self.comparison.runs.append(RunResult(**facts, version="", status="ended", why=why))
                 return

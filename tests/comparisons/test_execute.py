@@ -58,6 +58,27 @@ def test_a_code_that_cannot_run_is_an_error_and_the_other_cases_go_on(tmp_path, 
     assert (tmp_path / "first" / "dt_1e-05" / "liggghts" / "error.txt").read_text()
 
 
+def test_a_variant_may_end_early(tmp_path, fake_codes, monkeypatch):
+    """What the code said is a result; a code that is not there is an error all the same."""
+    fake_codes(liggghts={"fails": "it blew up"})
+    case = fake.case()
+    said = Check(
+        "said", lambda r: float(r.ended[r.labels()[0], "liggghts"] == "it blew up"), 1.0, "1", "nobody", "R",
+        "", "", needs=("gpudem", "liggghts"), lo=1.0,
+    )  # fmt: skip
+    variants = case.variants
+    case = dataclasses.replace(
+        case, checks=(said,), variants=lambda t: [dataclasses.replace(v, may_end=True) for v in variants(t)]
+    )
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+    comparison = run(tmp_path / "one", case)
+    assert comparison.exit_code() == 0
+    assert {(r.code, r.status) for r in comparison.runs} == {("gpudem", "ok"), ("liggghts", "ended")}
+    monkeypatch.setattr(execute, "AWAY", (GpudemError,))
+    assert run(tmp_path / "two", case).exit_code() == 3
+
+
 def test_a_failed_run_never_makes_a_shorter_result(tmp_path, fake_codes):
     """A measure over all runs must not pass on those that are left."""
     fake_codes(liggghts={"fails": "gone"})
