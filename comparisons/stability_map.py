@@ -264,3 +264,40 @@ def table(results: Results) -> pandas.DataFrame:
             line["T_R / contact time"] = f"{tr / stability.contact_time(c, p.normal):.2f}"
         found.append(line)
     return pandas.DataFrame(found).fillna("")
+
+
+def advice(results: Results) -> pandas.DataFrame:
+    """Which step to use, in sentences with the numbers of this run."""
+    import pandas
+
+    unstable = [p for p in points(results) if p.found == UNSTABLE]
+
+    def least(kind: str) -> str:
+        found = [p for p in unstable if p.spot.kind == kind]
+        if not found:
+            return "not run"
+        p = min(found, key=lambda p: p.share)
+        return f"{p.share:.2g} ({p.row.partition(': ')[2]}, {p.normal})"
+
+    half, path = (
+        bracket(results, "hertz: impact, e = 0.5, head-on", who, STABLE)[1] for who in list(WHO)[:2]
+    )
+    rows = [
+        (
+            "step, at rest",
+            f"By the Rayleigh time, the first to become unstable: a single ball at {least('rest')}, a column"
+            f" at {least('column')}, a bed at {least('bed')}: more contacts, friction and damping each make"
+            " the limit shorter.",
+        ),
+        (
+            "step, impacts",
+            f"Energy is gained from {least('impact')} on; where there is damping the rebound is off long before.",
+        ),
+        (
+            "integrator",
+            f"At e = 0.5 a rebound within 1 % takes a step below {half:.2g} of the Rayleigh time with"
+            f" half_step, as in LIGGGHTS, and below {path:.2g} with path; path is stable up to less at rest"
+            " where damping is strong.",
+        ),
+    ]
+    return pandas.DataFrame(rows, columns=["choose", "by"])

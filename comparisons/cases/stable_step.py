@@ -117,6 +117,10 @@ CASE = Case(
     ),
     tables=(
         Table(
+            "How long: which step to use", "Numbers of this run; impacts at 1 m/s on 5 MPa.",
+            stability_map.advice, needs=CODES, section="limits",
+        ),
+        Table(
             "Largest steps",
             "Largest step tried below the first that broke, by the Rayleigh time T_R; impacts at 1 m/s.",
             stability_map.table, needs=CODES, section="limits",
