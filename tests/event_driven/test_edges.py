@@ -112,7 +112,7 @@ def test_equal_velocities_never_meet():
 
 @pytest.mark.parametrize(("offset", "meets"), [(2 * R - 1e-9, True), (2 * R + 1e-9, False), (2 * R, False)])
 def test_grazing(offset, meets):
-    # catches: the textbook root, which loses the digits that decide, and a graze that pulls
+    # catches: a graze that is missed, one that is seen where there is none, and one that pulls
     e = engine(scenes.scene([[-0.5, 0, 0], [0.0, 0, offset]], [[1, 0, 0], [0, 0, 0]]))
     e.advance(0.9)
     assert e.counts.pairs == meets

@@ -52,9 +52,10 @@ def test_balance_of_energy_and_power():
 
 def elastic(count: int, edge: float) -> Engine:
     scene = scenes.gas(2, edge=edge, duration=1e4)
+    pitch = edge / math.ceil(count ** (1 / 3) - 1e-9)
     lattice = Lattice(
         source="lattice", material="ball", count=count, radius=scenes.RADIUS, lo=(0, 0, 0), hi=(edge,) * 3,
-        spacing=edge / math.ceil(count ** (1 / 3) - 1e-9) / (2 * scenes.RADIUS) * (1 - 1e-9), velocity_rms=1.0,
+        spacing=pitch / (2 * scenes.RADIUS) * (1 - 1e-9), velocity_rms=1.0,
     )  # fmt: skip
     data = scene.model_dump() | {"particles": lattice.model_dump()}
     return Engine(Statement.of(type(scene)(**data)))
