@@ -273,11 +273,11 @@ def advice(results: Results) -> pandas.DataFrame:
     unstable = [p for p in points(results) if p.found == UNSTABLE]
 
     def least(kind: str) -> str:
-        found = [p for p in unstable if p.spot.kind == kind]
+        found = [p for p in unstable if p.spot.kind == kind and p.normal == "hertz"]
         if not found:
             return "not run"
         p = min(found, key=lambda p: p.share)
-        return f"{p.share:.2g} ({p.row.partition(': ')[2]}, {p.normal})"
+        return f"{p.share:.2g} ({p.row.partition(': ')[2]}, {p.who})"
 
     half, path = (
         bracket(results, "hertz: impact, e = 0.5, head-on", who, STABLE)[1] for who in list(WHO)[:2]
@@ -291,7 +291,8 @@ def advice(results: Results) -> pandas.DataFrame:
         ),
         (
             "step, impacts",
-            f"Energy is gained from {least('impact')} on; where there is damping the rebound is off long before.",
+            f"Energy is gained from {least('impact')} on; where there is damping the rebound is off long"
+            " before.",
         ),
         (
             "integrator",
