@@ -109,7 +109,9 @@ def cases(tier: Any) -> int:
 @click.argument("case", nargs=-1)
 @click.option("--tier", type=click.Choice(TIERS), default="quick", show_default=True)
 @click.option("--record", is_flag=True, help="Full tier: keep the results in comparisons/recorded/full.")
-@click.option("--codes", "chosen", default=",".join(codes.CODES), show_default=True, help="Comma-separated.")
+@click.option(
+    "--codes", "chosen", default=lambda: ",".join(codes.CODES), show_default="all", help="Comma-separated."
+)
 @DEVICE
 @PRECISION
 @THREADS

@@ -61,9 +61,18 @@ def _liggghts(
     return liggghts.run(scene, directory, progress=progress, **arguments)
 
 
+def _event_driven(
+    scene: Scene, directory: Path, options: Options, progress: Progress, extra: dict[str, Any]
+) -> Run:
+    from gpudem import event_driven  # one thread, float64, no steps: the options do not concern it
+
+    return event_driven.run(scene, directory, progress=progress, **extra)
+
+
 CODES: dict[str, Code] = {
     "gpudem": Code("gpudem", _gpudem),
     "liggghts": Code("LIGGGHTS", _liggghts),
+    "event_driven": Code("event-driven", _event_driven),
 }
 
 

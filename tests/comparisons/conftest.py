@@ -35,7 +35,7 @@ def troubled() -> Case:
     extra = (
         more("a check that raises", broken),
         more("a check that is not a number", lambda r: float("nan")),
-        more("a check of a code that was not selected", lambda r: 0.0, ("event_driven",)),
+        more("a check of a code that was not selected", lambda r: 0.0, ("yade",)),
     )
     bad = dataclasses.replace(case.figures[0], title="A figure that cannot be drawn", draw=broken)
     return dataclasses.replace(case, checks=case.checks + extra, figures=(*case.figures, bad))

@@ -37,7 +37,7 @@ def test_every_status_and_what_it_says(finished):
     assert "ValueError: <script>" in status(comparison, "a check that raises").why
     assert status(comparison, "a check that is not a number").status == "fail"
     assert (
-        "event_driven, which was not selected"
+        "yade, which was not selected"
         in status(comparison, "a check of a code that was not selected").why
     )
     assert comparison.broken() == [
