@@ -36,10 +36,7 @@ def test_every_status_and_what_it_says(finished):
     assert comparison.exit_code() == 1
     assert "ValueError: <script>" in status(comparison, "a check that raises").why
     assert status(comparison, "a check that is not a number").status == "fail"
-    assert (
-        "yade, which was not selected"
-        in status(comparison, "a check of a code that was not selected").why
-    )
+    assert "yade, which was not selected" in status(comparison, "a check of a code that was not selected").why
     assert comparison.broken() == [
         line
         for line in comparison.broken()
