@@ -17,15 +17,16 @@ from gpudem.run import Run
 from gpudem.scene import Scene
 
 if TYPE_CHECKING:
+    from gpudem.simulation import resume
     from gpudem.simulation import run as simulate
 
 __version__ = "0.1.0"
-__all__ = ["GpudemError", "Run", "Scene", "SceneError", "SimulationError", "__version__", "simulate"]
+__all__ = ["GpudemError", "Run", "Scene", "SceneError", "SimulationError", "__version__", "resume", "simulate"]
 
 
 def __getattr__(name: str) -> Any:
-    if name == "simulate":  # needs Warp
-        from gpudem.simulation import run
+    if name in ("resume", "simulate"):  # need Warp
+        from gpudem import simulation
 
-        return run
+        return simulation.resume if name == "resume" else simulation.run
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
