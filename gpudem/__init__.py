@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from gpudem.simulation import run as simulate
 
 __version__ = "0.1.0"
-__all__ = ["GpudemError", "Run", "Scene", "SceneError", "SimulationError", "__version__", "resume", "simulate"]
+__all__ = [
+    "GpudemError", "Run", "Scene", "SceneError", "SimulationError", "__version__", "resume", "simulate",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
