@@ -24,7 +24,7 @@ OPTIONS = {
 PLAN = {
     "quick": (("normal",), (20, 80, 320), 50, 1),
     "standard": (tuple(KINDS), (10, 20, 40, 80, 160, 320, 640, 1280), 400, 2),
-    "full": (tuple(KINDS), (10, 20, 40, 80, 160, 320, 640, 1280, 2560), 1000, 5),
+    "full": (tuple(KINDS), (10, 20, 40, 80, 160, 320, 640, 1280, 2560), 400, 3),
 }
 TARGETS = (0.01, 0.001)
 #: Steps in a contact between which the order is fitted: the range people use.
