@@ -80,15 +80,18 @@ def steps_a_contact(scene: Scene, accuracy: float) -> float:
         half_step   max(1.5 / sqrt(accuracy), (|ln e| + 0.1) / accuracy)
         path        2.5 / sqrt(accuracy)
 
-    e is the smallest restitution of the pairs that can meet. Fitted from above to what the case
+    e is the smallest restitution of the pairs that can meet; `hertz/stiffness`, whose damping states none,
+    counts as e = 1/3 where it damps at all, which is a guess, not a fit. Fitted from above to what the case
     work_precision measures on normal and oblique impacts, e = 0.3 to 1, accuracy 1e-2 to 1e-3, under a law
     without jumps (no tangential dashpot, or no friction); with the uncapped dashpot it is a guide alone.
     """
     elastic = 1.5 / math.sqrt(accuracy)
     if scene.solver.integrator == "path":
         return 2.5 / math.sqrt(accuracy)
-    if not scene.needs.damping or scene.contact.normal == "hertz/stiffness":
-        return elastic if not scene.needs.damping else 1.2 / accuracy
+    if not scene.needs.damping:
+        return elastic
+    if scene.contact.normal == "hertz/stiffness":
+        return 1.2 / accuracy
     least = min(pair.restitution for pair in scene.contact_pairs)
     return max(elastic, (abs(math.log(least)) + 0.1) / accuracy)
 
