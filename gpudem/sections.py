@@ -118,6 +118,19 @@ class Lattice(Model):
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
 
 
+class Vibration(Model):
+    """Saw-tooth motion of a plane along its normal: it moves at `speed` over `amplitude` and snaps back.
+
+    Amplitude 0 is the limit of a fast floor: the plane stands still between contacts, and whoever meets it
+    finds it moving at `speed` until they part; hard spheres leave with v' = (1 + e) U - e v.
+    """
+
+    speed: Annotated[float, positive("m/s", 1e4)]
+    """U [m/s], towards the particles."""
+    amplitude: Annotated[float, number("m", 0, 1e3)] = 0.0
+    """Stroke A [m]; the period is A / U."""
+
+
 class Plane(Model):
     """Infinite plane wall; particles live on the side its normal points to. With `removed_at`: a gate."""
 
@@ -127,6 +140,7 @@ class Plane(Model):
     point: Annotated[Vector, vector("m")]
     normal: Annotated[Vector, vector("1", nonzero=True)]
     removed_at: Annotated[float, positive("s")] | None = None
+    vibration: Vibration | None = None
 
 
 class Box(Model):

@@ -15,6 +15,11 @@ def check(scene: Scene) -> None:
     """Raises LiggghtsCannotState listing every item of the scene that LIGGGHTS cannot state."""
     found = [_restitution(p) for p in scene.contact_pairs if _too_inelastic(scene, p)]
     found += [_tilted(p) for p in scene.planes if max(map(abs, p.normal)) != 1.0]
+    found += [
+        f"walls.{p.name}.vibration: LIGGGHTS has no saw-tooth motion of a plane"
+        for p in scene.planes
+        if p.vibration
+    ]
     speed = scene.contact.characteristic_velocity
     if scene.contact.normal == "hooke" and speed is not None and speed < MIN_CHARACTERISTIC_VELOCITY:
         found.append(
