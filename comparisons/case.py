@@ -20,7 +20,7 @@ TIERS: tuple[Tier, ...] = ("quick", "standard", "full")
 Mark = Literal["A", "P", "X", "R"]
 
 #: Where a figure or table stands in the report: with its case, or in a section that collects from all cases.
-Section = Literal["case", "lead", "work_precision", "speed", "limits", "leaves_out"]
+Section = Literal["case", "lead", "advice", "work_precision", "speed", "limits", "leaves_out"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -119,6 +119,8 @@ class Figure:
     tiers: tuple[Tier, ...] = TIERS
     needs: tuple[str, ...] = ("gpudem",)
     section: Section = "case"
+    recorded: bool = False
+    """Of the full tier: also kept with `compare --tier full --record`, for reports of shorter tiers."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -131,6 +133,8 @@ class Table:
     tiers: tuple[Tier, ...] = TIERS
     needs: tuple[str, ...] = ("gpudem",)
     section: Section = "case"
+    recorded: bool = False
+    """Of the full tier: also kept with `compare --tier full --record`, for reports of shorter tiers."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -151,7 +151,7 @@ def compare(
         cases, directory, tier=tier, selected=names, options=codes.Options(**options), reporter=reporter
     )
     result = session.run()
-    for path in recorded_cases.keep(result) if record else []:
+    for path in recorded_cases.keep(result, directory) if record else []:
         click.echo(f"kept: {path}", err=True)
     n = result.counts()
     click.echo(

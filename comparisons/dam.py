@@ -80,6 +80,8 @@ class Dam:
     """Three diameters and a little deep, periodic, softened; else the whole box with its walls, true
     modulus.
     """
+    young: float = SOFT
+    """Young's modulus [Pa] of both materials of a slice."""
 
     @property
     def depth(self) -> float:
@@ -94,13 +96,13 @@ class Dam:
     @property
     def step(self) -> float:
         """Time step [s]: 8 % of the Rayleigh time, at the softened modulus and at the true one."""
-        return 2.5e-5 * self.radius / RADIUS if self.slice else 1e-6
+        return 2.5e-5 * self.radius / RADIUS * math.sqrt(SOFT / self.young) if self.slice else 1e-6
 
     def scene(self) -> Scene:
         """The whole statement."""
         ball, wall = BALL, ACRYLIC
         if self.slice:
-            ball, wall = (m.model_copy(update={"young": SOFT}) for m in (BALL, ACRYLIC))
+            ball, wall = (m.model_copy(update={"young": self.young}) for m in (BALL, ACRYLIC))
         margin, mu = 2 * self.radius, self.friction
         planes = [
             Plane(name="floor", material="acrylic", point=(0, 0, 0), normal=(0, 0, 1)),

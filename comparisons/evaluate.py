@@ -110,7 +110,7 @@ class Evaluation:
                 status, file = "ok", write(f"{number:02d}_{slug(item.title)}")
             except Exception as error:
                 status, why = "error", describe(error)
-        return Artefact(kind, item.title, item.caption, item.section, file, status, why)
+        return Artefact(kind, item.title, item.caption, item.section, file, status, why, item.recorded)
 
     def _results(self, needs: tuple[str, ...]) -> Results:
         failed = {key: why for key, why in self.failed.items() if key[1] in needs}

@@ -9,7 +9,7 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from comparisons import codes, report_view
+from comparisons import codes, recorded_cases, report_view
 from comparisons.numbers import number
 from comparisons.progress import duration, quantity
 from comparisons.results import Artefact, Comparison, write_atomically
@@ -22,6 +22,10 @@ COLLECTED = {
         "What accuracy costs",
         "For a given error of the motion through a contact: which code and option needs how much time. Times"
         " are stepping alone, one core, the codes in turn on one machine.",
+    ),
+    "advice": (
+        "How stiff, how far, how long",
+        "Which step, modulus and precision to use, with the numbers found here.",
     ),
     "work_precision": (
         "Error against run time",
@@ -51,7 +55,8 @@ def html(comparison: Comparison, directory: Path) -> str:
     """The page. Figures, tables and decks are read from the folder; what is gone is said to be."""
     view = report_view.View(comparison, directory)
     return _environment().get_template("report.html.j2").render(
-        c=comparison, view=view, collected=COLLECTED, artefact=functools.partial(_artefact, directory)
+        c=comparison, view=view, collected=COLLECTED, artefact=functools.partial(_artefact, directory),
+        kept=functools.partial(_artefact, recorded_cases.FOLDER),
     )  # fmt: skip
 
 

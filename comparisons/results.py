@@ -135,6 +135,8 @@ class Artefact:
     """Relative to the comparison's folder; empty if it could not be made or was left out."""
     status: Literal["ok", "error", "left_out"] = "ok"
     why: str = ""
+    recorded: bool = False
+    """Kept with the full tier's record."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -148,6 +150,8 @@ class Recorded:
     """By code."""
     wall_s: float
     checks: list[CheckResult]
+    artefacts: list[Artefact] = dataclasses.field(default_factory=list)
+    """Figures and tables kept beside it, files relative to the folder of the records."""
 
     __pydantic_config__ = ConfigDict(ser_json_inf_nan="strings")
 

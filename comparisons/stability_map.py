@@ -282,23 +282,12 @@ def advice(results: Results) -> pandas.DataFrame:
     half, path = (
         bracket(results, "hertz: impact, e = 0.5, head-on", who, STABLE)[1] for who in list(WHO)[:2]
     )
-    rows = [
-        (
-            "step, at rest",
-            f"By the Rayleigh time, the first to become unstable: a single ball at {least('rest')}, a column"
-            f" at {least('column')}, a bed at {least('bed')}: more contacts, friction and damping each make"
-            " the limit shorter.",
-        ),
-        (
-            "step, impacts",
-            f"Energy is gained from {least('impact')} on; where there is damping the rebound is off long"
-            " before.",
-        ),
-        (
-            "integrator",
-            f"At e = 0.5 a rebound within 1 % takes a step below {half:.2g} of the Rayleigh time with"
-            f" half_step, as in LIGGGHTS, and below {path:.2g} with path; path is stable up to less at rest"
-            " where damping is strong.",
-        ),
-    ]
+    text = (
+        "Take a tenth of the Rayleigh time: the first to become unstable are a single ball at rest at"
+        f" {least('rest')} of it, a column at {least('column')}, a bed at {least('bed')}; impacts gain energy"
+        f" from {least('impact')} on, and where there is damping the rebound is off long before: at e = 0.5"
+        f" 1 % takes a step below {half:.2g} of it with half_step, as in LIGGGHTS, and below {path:.2g} with"
+        " path."
+    )
+    rows = [("step", text)]
     return pandas.DataFrame(rows, columns=["choose", "by"])

@@ -118,7 +118,7 @@ CASE = Case(
     tables=(
         Table(
             "How long: which step to use", "Numbers of this run; impacts at 1 m/s on 5 MPa.",
-            stability_map.advice, needs=CODES, section="limits",
+            stability_map.advice, needs=CODES, section="advice",
         ),
         Table(
             "Largest steps",

@@ -108,3 +108,12 @@ def packing_fraction(position: np.ndarray, radius: np.ndarray, lo, hi) -> float:
 def coordination(position: np.ndarray, radius: np.ndarray, period: float | None = None) -> float:
     """Mean number of touching neighbours per grain, walls not counted."""
     return 2 * len(_pairs(position, radius, period)) / len(radius)
+
+
+def largest_overlap(position: np.ndarray, radius: np.ndarray, period: float | None = None) -> float:
+    """Largest overlap [m] of two grains; 0 where none touch."""
+    pairs = _pairs(position, radius, period)
+    d = position[pairs[:, 0]] - position[pairs[:, 1]]
+    if period:
+        d[:, 1] -= period * np.round(d[:, 1] / period)
+    return max(0.0, float((radius[pairs].sum(axis=1) - np.linalg.norm(d, axis=1)).max(initial=0.0)))

@@ -165,3 +165,13 @@ def test_largest_gap_sees_one_metric_of_many():
     assert statistics.largest_gap(a, a).min() == 1.0
     with pytest.raises(ValueError, match="5 to 10"):
         statistics.largest_gap(a[:4], b[:4])
+
+
+def test_the_largest_overlap_across_a_periodic_side():
+    # the far image taken: no overlap at all; a sum of radii that is one radius
+    ends = np.array([[0.0, 0.001, 0.0], [0.0, 0.1 - 0.0185, 0.0], [0.0195, 0.001, 0.0]])
+    radius = np.full(3, R)
+    assert pile.largest_overlap(ends, radius) == pytest.approx(2 * R - 0.0195)
+    assert pile.largest_overlap(ends, radius, period=0.1) == pytest.approx(2 * R - 0.0195)
+    ends[1, 1] = 0.1 - 0.018
+    assert pile.largest_overlap(ends, radius, period=0.1) == pytest.approx(2 * R - 0.019)

@@ -1,0 +1,116 @@
+"""The dam break against Young's modulus: from which softness on is it another flow?"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from comparisons import dam
+from comparisons.case import Results, Tier, Variant
+from comparisons.metrics import pile, statistics
+from gpudem.run import Run
+
+#: Young's modulus of the balls of the experiment [Pa].
+TRUE = dam.BALL.young
+
+
+@dataclasses.dataclass(frozen=True)
+class Plan:
+    """Which moduli a tier runs, with how many seeds, at which grain size."""
+
+    radius: float
+    seeds: int
+    moduli: tuple[float, ...]
+    hardest: float
+    """Modulus [Pa] that mixed, float32 and LIGGGHTS run as well, and that the others are held against."""
+
+
+PLANS: dict[Tier, Plan] = {
+    "standard": Plan(0.012, 5, (1e5, 3e5, 1e6, 5e6), 5e6),
+    "full": Plan(0.009, 5, (1e5, 3e5, 1e6, 5e6, 5e7, 5e8, TRUE), TRUE),
+}
+#: Who runs the hardest -> (label suffix, code, arguments).
+WHO = {
+    "gpudem float64": ("float64", "gpudem", {"precision": "float64"}),
+    "gpudem mixed": ("mixed", "gpudem", {"precision": "mixed"}),
+    "gpudem float32": ("float32", "gpudem", {"precision": "float32"}),
+    "LIGGGHTS": ("liggghts", "liggghts", {"use_recorded": False}),
+}
+#: What is compared, a reading from each part of the flow; more would only cost power.
+METRICS = (
+    "height at 0 mm [mm]", "height at 400 mm [mm]", "run-out in flow [mm]", "centre of mass x at rest [mm]",
+    "centre of mass z at rest [mm]", "time to the far wall [ms]",
+)  # fmt: skip
+#: Below, balls overlap by more than half a radius somewhere in the fall; the guard that ends such a run is
+#: waived, to see what comes out.
+GUARDED = 1e6
+CONTACTS, DEPTH = "contacts of a ball at rest", "largest overlap before / radius"
+
+
+def variants(tier: Tier) -> list[Variant]:
+    """Every modulus in float64, the hardest by all, one seed after the other."""
+    plan, made = PLANS.get(tier), []
+    for seed in range(1, plan.seeds + 1) if plan else ():
+        for young in plan.moduli:
+            scene = dam.Dam(radius=plan.radius, seed=seed, opens=0.4, flows=0.9, young=young).scene()
+            scene = scene.replace(
+                output={"frames_every": 0.1, "history_every": 0.005},
+                allow=("large_overlap",) if young < GUARDED else (),
+            )
+            for suffix, code, arguments in WHO.values() if young == plan.hardest else [WHO["gpudem float64"]]:
+                label = f"dam_{young:.3g}_{seed}-{suffix}"
+                made.append(Variant(label, scene, (code,), {code: arguments}))
+    return made
+
+
+def runs(results: Results, young: float, who: str = "gpudem float64") -> list[tuple[str, str]]:
+    """(label, code) of the seeds of one modulus, those that ran."""
+    suffix, code, _ = WHO[who]
+    keys = [(f"dam_{young:.3g}_{k}-{suffix}", code) for k in range(1, PLANS[results.tier].seeds + 1)]
+    return [key for key in keys if key in results.runs]
+
+
+def overlap(run: Run) -> float:
+    """Largest overlap of two balls just before the gate goes / radius."""
+    frame = run.frames.at(dam.opening(run))
+    domain, radius = run.scene.domain, frame["radius"]
+    deepest = pile.largest_overlap(frame["position"], radius, domain.hi[1] - domain.lo[1])
+    return deepest / float(radius.max())
+
+
+def sample(results: Results, young: float, who: str = "gpudem float64") -> dict[str, np.ndarray]:
+    """Metric -> its values over the seeds."""
+
+    def compute() -> dict[str, np.ndarray]:
+        rows = []
+        for key in runs(results, young, who):
+            found = dam.measures(results, *key)
+            run = results[key]
+            contacts = 2 * int(run.history["contacts"].to_numpy()[-1]) / len(run.scene.state)
+            rows.append({m: found[m] for m in METRICS} | {CONTACTS: contacts, DEPTH: overlap(run)})
+        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+    return results.once(("dam sample", young, who), compute)
+
+
+def gap(results: Results, young: float, who: str = "gpudem float64") -> dict[str, tuple[float, float]]:
+    """Metric -> (mean less that of the hardest in float64, corrected p of no difference)."""
+    plan = PLANS[results.tier]
+    ours, hard = sample(results, young, who), sample(results, plan.hardest)
+    names = (*METRICS, CONTACTS)
+    p = statistics.largest_gap(
+        np.array([ours[n] for n in names]).T, np.array([hard[n] for n in names]).T
+    )  # fmt: skip
+    means = [float(ours[n].mean() - hard[n].mean()) for n in names]
+    return {n: (m, float(q)) for n, m, q in zip(names, means, p, strict=True)}
+
+
+def seconds(results: Results, young: float, who: str = "gpudem float64") -> np.ndarray:
+    """Stepping time [s] of each seed."""
+    return np.array([results[key].timing.stepping_s for key in runs(results, young, who)])
+
+
+def steps(results: Results, young: float) -> float:
+    """Steps of a second."""
+    return 1 / results[runs(results, young)[0]].scene.time.step

@@ -1,0 +1,178 @@
+"""Is a softened dam break the same flow? Seeds of each modulus against those of the hardest, and its cost."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from comparisons import dam, plots, stiff_dam
+from comparisons.case import Check, Measured, Results, Tier
+from comparisons.numbers import number
+from comparisons.stiff_dam import CONTACTS, DEPTH, METRICS, PLANS
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.axes import Axes
+
+TIERS: tuple[Tier, ...] = tuple(PLANS)
+#: Level of the tests, as in the dam break's own case.
+ALPHA = 0.01
+#: Slope of overlap against modulus on log axes: (load/E)^(2/3).
+HERTZ = -2 / 3
+
+
+def same(results: Results, who: str) -> Measured:
+    """Least corrected p over all metrics, of one against gpudem float64 at the hardest modulus."""
+    hardest = PLANS[results.tier].hardest
+    found = stiff_dam.gap(results, hardest, who)
+    name = min(found, key=lambda n: found[n][1])
+    return Measured(
+        found[name][1], note=f"{number(hardest, 3)} Pa; least at {name}, apart by {found[name][0]:.3g}"
+    )
+
+
+def early(results: Results) -> Measured:
+    """Largest distance of the centres of mass of gpudem and LIGGGHTS while the lattice falls / diameter."""
+    plan, apart, touched = PLANS[results.tier], [], []
+    for ours, theirs in zip(
+        *(stiff_dam.runs(results, plan.hardest, w) for w in ("gpudem float64", "LIGGGHTS")), strict=True
+    ):
+        a, b = results[ours].history, results[theirs].history
+        soon = a["time"].to_numpy() <= dam.EARLY
+        columns = ["centre_x", "centre_z"]
+        distance = np.linalg.norm(a[columns].to_numpy() - b[columns].to_numpy(), axis=1)
+        apart.append(float(distance[soon].max()) / (2 * plan.radius))
+        touched.append(int(a["contacts"].to_numpy()[soon].max()))
+    return Measured(max(apart) if min(touched) > 0 else math.nan, note=f"{min(touched)} contacts and more")
+
+
+def overlap_slope(results: Results) -> Measured:
+    """Slope of the largest overlap before the gate goes against the modulus, less -2/3."""
+    moduli = [y for y in PLANS[results.tier].moduli if y >= stiff_dam.GUARDED]
+    depths = [float(stiff_dam.sample(results, y)[DEPTH].mean()) for y in moduli]
+    slope = float(np.polyfit(np.log(moduli), np.log(depths), 1)[0])
+    return Measured(abs(slope - HERTZ), slope, HERTZ)
+
+
+def speed(results: Results) -> Measured:
+    """Stepping time of float64 / mixed at the hardest modulus: median over the seeds, run in turn."""
+    hardest = PLANS[results.tier].hardest
+    ratio = stiff_dam.seconds(results, hardest) / stiff_dam.seconds(results, hardest, "gpudem mixed")
+    note = f"{len(ratio)} seeds, {ratio.min():.2f} to {ratio.max():.2f}"
+    return Measured(float(np.median(ratio)), note=note)
+
+
+def different(results: Results, young: float) -> str:
+    """Metrics in which a modulus differs from the hardest beyond the seeds' spread, "" for none."""
+    found = stiff_dam.gap(results, young)
+    return ", ".join(n for n, (_, p) in found.items() if p < ALPHA and n != CONTACTS)
+
+
+def too_soft(results: Results) -> Measured:
+    """Largest modulus [Pa] whose flow or pile differs from the hardest's."""
+    soft = [y for y in PLANS[results.tier].moduli if different(results, y)]
+    return Measured(
+        max(soft, default=0.0), note="; ".join(f"{y:.3g} Pa: {different(results, y)}" for y in soft)
+    )
+
+
+def checks() -> tuple[Check, ...]:
+    """Those of the dam break, for the case that holds it."""
+    both = ("gpudem", "liggghts")
+    return (
+        *(
+            Check(
+                name=f"dam break at the hardest modulus: least corrected p over all metrics ({who})",
+                measure=lambda results, who=who: same(results, who), lo=ALPHA, tolerance=1.0, unit="1",
+                against="gpudem float64", mark=mark, tiers=TIERS, needs=needs,
+                reason="exact permutation of the largest standardised gap, five seeds a side, level 0.01",
+                catches="forces rounded so that grains stick, creep or gain energy",
+            )
+            for who, mark, needs in (
+                ("gpudem mixed", "R", ("gpudem",)), ("LIGGGHTS", "X", both),
+            )
+        ),
+        Check(
+            name="dam break at the hardest modulus: centre of mass, largest distance in 0.07 s / diameter",
+            measure=early, tolerance=1e-9, unit="1", against="LIGGGHTS", mark="X", tiers=TIERS, needs=both,
+            reason="same law, same scheme: rounding, which a stiff contact lets grow the faster",
+            catches="an overlap that loses digits where it is a millionth of the radius",
+        ),
+        Check(
+            name="dam break: largest overlap of the bed against the modulus, slope less -2/3",
+            measure=overlap_slope, tolerance=0.1, unit="1", against="Hertz (1882)", mark="A", tiers=TIERS,
+            reason="the largest of some thousand contacts; chains carry it another way in a softer bed",
+            catches="a stiffness that does not go with E, a softened bed that is not softened",
+        ),
+        Check(
+            name="dam break: time of float64 / time of mixed at the hardest modulus, median over seeds",
+            measure=speed, lo=1.0, tolerance=math.inf, unit="1", against="gpudem float64", mark="R",
+            tiers=TIERS, reason="half the bytes of springs and forces, on the CPU device",
+            catches="a mixed mode that costs more than it saves",
+        ),
+        Check(
+            name="dam break: largest modulus that changes the flow or the pile [Pa]",
+            measure=too_soft, lo=1e5, tolerance=4e6, unit="Pa", against="the hardest modulus", mark="R",
+            tiers=TIERS,
+            reason="overlaps of a tenth of the radius take room; at 5 MPa and above the seeds hide it",
+            catches="a modulus that does not act; a test too weak to see a bed of rubber",
+        ),
+    )  # fmt: skip
+
+
+def draw_shift(ax: Axes, results: Results) -> None:
+    """Mean of each metric less that of the hardest, by the seeds' spread, against the modulus."""
+    plan = PLANS[results.tier]
+    for k, name in enumerate((*METRICS, CONTACTS)):
+        hard = stiff_dam.sample(results, plan.hardest)[name]
+        spread = float(hard.std(ddof=1))
+        shift = [float(stiff_dam.sample(results, y)[name].mean() - hard.mean()) / spread for y in plan.moduli]
+        label = name.partition(" [")[0]
+        ax.plot(plan.moduli, shift, marker="osv^D<>"[k], ms=4, lw=0.9, color=plots.SERIES[k % 7], label=label)
+    ax.axhspan(-2, 2, color="0.92", zorder=0)
+    ax.set(xscale="log", yscale="symlog", ylabel="change of the mean / standard deviation of a seed")
+    plots.legend(ax)
+
+
+def table(results: Results) -> pandas.DataFrame:
+    """Each modulus: steps, time, overlap, means of the metrics; then the hardest by all."""
+    import pandas
+
+    plan, rows = PLANS[results.tier], []
+    who = [(y, "gpudem float64") for y in plan.moduli]
+    who += [(plan.hardest, w) for w in stiff_dam.WHO if w != "gpudem float64"]
+    for young, one in who:
+        if not stiff_dam.runs(results, young, one):
+            continue
+        found = stiff_dam.sample(results, young, one)
+        row: dict[str, object] = {"E [Pa]": number(young, 3), "by": one}
+        row["steps for 1 s"] = number(stiff_dam.steps(results, young), 2)
+        row["time of a run [s]"] = f"{np.median(stiff_dam.seconds(results, young, one)):.1f}"
+        row[DEPTH] = number(float(found[DEPTH].mean()), 2)
+        for name in (*METRICS, CONTACTS):
+            row[name] = f"{found[name].mean():.4g} ± {found[name].std(ddof=1):.2g}"
+        if (young, one) != (plan.hardest, "gpudem float64"):
+            gaps = stiff_dam.gap(results, young, one)
+            row["differs (p < 0.01)"] = ", ".join(n for n, (_, p) in gaps.items() if p < ALPHA) or "nowhere"
+        rows.append(row)
+    return pandas.DataFrame(rows).fillna("")
+
+
+def advice(results: Results) -> str:
+    """What softening changes, in a sentence with the numbers of this run."""
+    plan = PLANS[results.tier]
+    soft = [y for y in plan.moduli if different(results, y)]
+    good = min(y for y in plan.moduli if y > max(soft, default=0.0))
+    depth = float(stiff_dam.sample(results, good)[DEPTH].mean())
+    cost = float(np.median(stiff_dam.seconds(results, plan.hardest) / stiff_dam.seconds(results, good)))
+    text = (
+        f"In a dam break the flow and the pile are those of {number(plan.hardest, 3)} Pa down to"
+        f" {number(good, 3)} Pa, where overlaps reach {100 * depth:.1g} % of the radius, within the seeds'"
+        f" spread, in 1/{cost:.2g} of the time"
+    )
+    if soft:
+        worst = max(soft)
+        text += f"; at {number(worst, 3)} Pa it is another flow ({different(results, worst)})"
+    return text + ". The number of contacts changes with every modulus."
