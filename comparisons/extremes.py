@@ -11,6 +11,7 @@ import numpy as np
 from comparisons.oracles.bodies import bodies
 from comparisons.oracles.closed_forms import static_overlap
 from comparisons.oracles.impact import impact
+from comparisons.oracles.several import row_of_spheres, squeezed
 from gpudem.run import Run
 from gpudem.scene import Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
 
@@ -303,6 +304,66 @@ def gate() -> Extreme:
                    "first order in the step, and the step at which the gate goes")  # fmt: skip
 
 
+#: Light balls and heavy ones, a thousand times as dense [kg/m3].
+SLIGHT, MASSIVE = 100.0, 1e5
+
+
+def heavy_on_bed() -> Extreme:
+    """A heavy ball comes to rest on four light ones in a box; statics from the balance of forces."""
+    b = Builder(young=10 * E)
+    names = (("light", MASSIVE / 100), ("heavy", MASSIVE))
+    for name, density in names:
+        b.material(name, density)
+        for other in ("light", "heavy", "wall"):
+            b.meet(name, other, 0.06, 0.0)
+    rows = [b.ball("light", R, (x, y, R), (0, 0, 0)) for x in (R, 3 * R) for y in (R, 3 * R)]
+    high = R + math.sqrt(4.25) * R
+    top = b.ball("heavy", 1.5 * R, (2 * R, 2 * R, high), (0, 0, 0))
+    b.balls[0] = (*b.balls[0][:2], np.array([2 * R, 2 * R, 800 * R]), b.balls[0][3])
+    far = [
+        Plane(name=f"far_{k}", material="wall", point=(4 * R, 4 * R, 0), normal=-np.eye(3)[k]) for k in (0, 1)
+    ]
+    scene = b.scene(
+        "heavy_on_bed", ("xlo", "ylo", "zlo"), walls_more=far, gravity=(0, 0, -9.81),
+        time=Time(step=5e-6, duration=0.6), output=Output(trace_every=0.6),
+    )  # fmt: skip
+    place = squeezed(bodies(scene, rows[0], "side_zlo"), bodies(scene, top, rows[0]), 9.81)
+
+    def error(run: Run) -> float:
+        x = run.trace["position"][-1]
+        sunk = np.array([R - x[rows[0], 0], R - x[rows[0], 2], high - x[top, 2]])
+        return float(np.abs(sunk / place - 1).max())
+
+    return Extreme(
+        "heavy_on_bed", "a heavy ball on a bed of light ones, density 100 to 1", scene, error, 1e-5,
+        "what is left of the swing",
+    )  # fmt: skip
+
+
+def light_between() -> Extreme:
+    """A heavy ball strikes a light one that lies before another heavy one: it rattles between them."""
+    b = Builder(young=10 * E)
+    for name, density in (("heavy", MASSIVE), ("light", SLIGHT)):
+        b.material(name, density)
+    rows = [
+        b.ball(name, R, (0, 0, z), (0, 0, v), density)
+        for name, z, v, density in (
+            ("heavy", 10 * R, 0.0, MASSIVE), ("light", 12.002 * R, 0.0, SLIGHT),
+            ("heavy", 14.004 * R, -SPEED, MASSIVE),
+        )
+    ]  # fmt: skip
+    scene = b.scene("light_between", time=Time(step=2e-7, duration=4e-3))
+    contacts = (bodies(scene, rows[0], rows[1]), bodies(scene, rows[1], rows[2]))
+
+    def error(run: Run) -> float:
+        want = row_of_spheres(contacts, scene.state.position[rows, 2], scene.state.velocity[rows, 2], 4e-3)
+        return float(np.abs(run.trace["velocity"][-1, rows, 2] - want).max() / SPEED)
+
+    return Extreme(
+        "light_between", "a light ball between heavy ones, density 1000 to 1", scene, error, 4e-3, FIRST
+    )  # fmt: skip
+
+
 def leaves() -> Extreme:
     """A ball flies out of the open domain."""
     b = Builder()
@@ -321,5 +382,5 @@ def extremes() -> list[Extreme]:
         frictions(), scaled("powder", "powder of 1 micrometre", 1e-6, E),
         scaled("boulder", "boulders of 1 m, 50 GPa", 1.0, 5e10),
         scaled("far", "1 km from the origin", R, E, 1000.0), concentric(), touching(), corner(), edge(),
-        gate(), leaves(),
+        gate(), heavy_on_bed(), light_between(), leaves(),
     ]  # fmt: skip
