@@ -19,7 +19,7 @@ from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Plan
 
 BALL = Material(young=5e6, poisson=0.34, density=1768.0)
 STEP, GRAVITY, IMPACT = 1e-4, 9.81, 1.0
-RESTITUTIONS, FRICTIONS = (0.3, 0.5, 0.9, 1.0), (0.0, 0.5)
+RESTITUTIONS, FRICTIONS = (0.1, 0.3, 0.5, 0.9, 1.0), (0.0, 0.5)
 #: Balls in a column; steps of a run at rest; rows of its trace.
 COLUMN, REST_STEPS, ROWS = 20, 600, 10
 #: Characteristic velocity of `hooke` [m/s]: that of the impacts.

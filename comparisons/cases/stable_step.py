@@ -9,7 +9,7 @@ from comparisons.case import Case, Check, Figure, Measured, Results, Table
 from comparisons.stability import UNSTABLE
 
 CODES = ("gpudem", "liggghts")
-HALF, PATH, THEIRS = stability_map.WHO
+HALF, PATH, MIXED, SINGLE, THEIRS = stability_map.WHO
 #: Steps so near the closed form's limit grow too slowly to be judged [share].
 MARGIN = 0.02
 
@@ -28,10 +28,10 @@ def against_limit(results: Results, who: str, kind: str) -> Measured:
     return Measured(float(len(wrong)) if sides == {True, False} else math.nan, note=note)
 
 
-def same_map(results: Results) -> Measured:
-    """Points that gpudem half_step and LIGGGHTS judge differently, of those both ran."""
+def same_map(results: Results, who: str) -> Measured:
+    """Points that gpudem half_step and another judge differently, of those both ran."""
     found = {(p.row, p.share): p.found for p in stability_map.points(results) if p.who == HALF}
-    theirs = [p for p in stability_map.points(results) if p.who == THEIRS]
+    theirs = [p for p in stability_map.points(results) if p.who == who]
     apart = [p for p in theirs if found[p.row, p.share] != p.found]
     return Measured(float(len(apart)), note=f"{len(theirs)} points; " + "; ".join(p.row for p in apart[:3]))
 
@@ -88,9 +88,17 @@ CASE = Case(
         ),
         Check(
             name="points of the map that gpudem half_step and LIGGGHTS judge differently",
-            measure=same_map, tolerance=0.0, unit="points", against="LIGGGHTS", mark="X", needs=CODES,
+            measure=lambda results: same_map(results, THEIRS), tolerance=0.0, unit="points",
+            against="LIGGGHTS", mark="X", needs=CODES,
             reason="same law, same scheme: they agree to rounding before anything grows",
             catches="another stability limit than LIGGGHTS' in any law, damping or friction",
+        ),
+        Check(
+            name="points of the map that float64 and mixed judge differently",
+            measure=lambda results: same_map(results, MIXED), tolerance=0.0, unit="points",
+            against="gpudem float64", mark="R",
+            reason="a limit is a matter of stiffness and mass: rounding a force by 6e-8 does not move it",
+            catches="positions or velocities that mixed rounds: noise that grows where nothing should",
         ),
         Check(
             name="unstable points of which gpudem says nothing, before or during the run",
@@ -121,11 +129,20 @@ CASE = Case(
             stability_map.advice, needs=CODES, section="advice",
         ),
         Table(
+            "Error and run time of the impacts",
+            "Largest error of the rebound over eight moments of touch, at the step nearest to that share of"
+            " the Rayleigh time; stepping alone, a scene of some hundred balls.",
+            stability_map.costs, needs=CODES, section="limits",
+        ),
+        Table(
             "Largest steps",
             "Largest step tried below the first that broke, by the Rayleigh time T_R; impacts at 1 m/s.",
             stability_map.table, needs=CODES, section="limits",
         ),
     ),
-    features=("normal hertz", "normal hooke", "damping", "tangential history", "integrator path"),
+    features=(
+        "normal hertz", "normal hooke", "damping", "tangential history", "integrator path", "mixed",
+        "float32",
+    ),
     order=80,
 )  # fmt: skip
