@@ -71,7 +71,8 @@ def _shown(
     finally:
         reporter.end()
         reporter.close()
-    for warning in result.warnings:
+    before = scene_checks.step_warnings(scene)
+    for warning in (w for w in result.warnings if w not in before):
         click.echo(f"warning: {warning}", err=True)
     t = result.timing
     cores = f"{t.cores} {'rank' if code == 'liggghts' else 'core'}{'s' if t.cores > 1 else ''}"

@@ -49,9 +49,11 @@ CONTACTS, DEPTH = "contacts of a ball at rest", "largest overlap before / radius
 
 
 def variants(tier: Tier) -> list[Variant]:
-    """Every modulus in float64, the hardest by all, one seed after the other."""
-    plan, made = PLANS.get(tier), []
-    for seed in range(1, plan.seeds + 1) if plan else ():
+    """Every modulus in float64, the hardest by all, one seed after the other; none in a tier without."""
+    if tier not in PLANS:
+        return []
+    plan, made = PLANS[tier], []
+    for seed in range(1, plan.seeds + 1):
         for young in plan.moduli:
             scene = dam.Dam(radius=plan.radius, seed=seed, opens=0.4, flows=0.9, young=young).scene()
             scene = scene.replace(
@@ -59,8 +61,7 @@ def variants(tier: Tier) -> list[Variant]:
                 allow=("large_overlap",) if young < GUARDED else (),
             )
             for suffix, code, arguments in WHO.values() if young == plan.hardest else [WHO["gpudem float64"]]:
-                label = f"dam_{young:.3g}_{seed}-{suffix}"
-                made.append(Variant(label, scene, (code,), {code: arguments}))
+                made.append(Variant(f"dam_{young:.3g}_{seed}-{suffix}", scene, (code,), {code: arguments}))
     return made
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import warp
 
-from gpudem import guards
+from gpudem import guards, scene_checks
 from gpudem.observe import Recorder
 from gpudem.restart import Restart
 from gpudem.run import Run, Timing
@@ -118,7 +118,7 @@ def _run(
                 precision=scene.solver.precision,
                 peak_memory_bytes=_peak_memory(),
             ),
-            warnings=guards.energy_warnings(scene, recorder.history),
+            warnings=scene_checks.step_warnings(scene) + guards.energy_warnings(scene, recorder.history),
             notes=notes,
             trace=recorder.trace,
             history=recorder.history,
