@@ -135,6 +135,9 @@ def column_errors(run: Run) -> tuple[float, float]:
     return float(np.abs(way[:n]).max() / scale), float(np.abs(way[n:, 2] - want).max() / scale)
 
 
+#: Constant of Hertz' contact time.
+HERTZ_TIME = 2.868266
+
 # -- a gas ---------------------------------------------------------------------------------------------------
 
 COUNT, SHARE, STEPS, GAS_ROWS = 1000, 0.3, 25, 200
@@ -161,6 +164,32 @@ def gas_of(collisions: float) -> Scene:
         output=Output(trace_every=rows * step, history_every=rows * step),
         allow=("time_step",),
     )  # fmt: skip
+
+
+#: Contact time [s] at twice the rms speed, and steps in it, of the gas whose energy is to stay.
+SHORT, FINE, FINE_STEPS = 5e-6, 200, 100_000
+
+
+def fine_gas() -> Scene:
+    """125 elastic Hertz spheres for FINE_STEPS steps, some 350 collisions."""
+    reach, speed = gases.RADIUS / 2, 2.0
+    star = math.sqrt((HERTZ_TIME / SHORT) ** 5 * (gases.MASS / 2) ** 2 / (reach * speed))
+    step = SHORT / FINE
+    return gases.gas_box(
+        "fine_gas", 125, 0.2, 1,
+        materials={"ball": Material(
+            young=2 * (1 - gases.POISSON**2) * star, poisson=gases.POISSON, density=gases.DENSITY
+        )},
+        pairs=[Pair(materials=("ball", "ball"))], contact=Contact(tangential="off"),
+        time=Time(step=step, duration=FINE_STEPS * step), output=Output(history_every=100 * step),
+    )  # fmt: skip
+
+
+def fine_energy(run: Run) -> np.ndarray:
+    """Kinetic energy / that at the start - 1, at the rows at which nobody touches: there it is all energy."""
+    energy = run.history["kinetic_energy"].to_numpy()
+    apart = run.history["contacts"].to_numpy() == 0
+    return energy[apart] / energy[0] - 1
 
 
 def collisions(run: Run) -> float:

@@ -39,6 +39,7 @@ def variants(tier: Tier) -> list[Variant]:
     if tier != "full":
         del scenes["bed_rough"]
     scenes |= {"column": endurance.column(size.count), "gas": endurance.gas_of(size.collisions)}
+    scenes["fine_gas"] = endurance.fine_gas()
     return [
         Variant(f"{name}-{suffix}", scene, (code,), {code: arguments})
         for name, scene in scenes.items()
@@ -84,6 +85,17 @@ def drift(results: Results, who: str) -> Measured:
         float(np.abs(energy).max()) if enough else math.nan,
         note=f"{many:.3g} collisions; {energy[-10:].mean():.1e} at the end",
     )
+
+
+def fine(results: Results, who: str) -> Measured:
+    """Largest change of the energy; NaN where too few rows have contacts, or none."""
+    run = run_of(results, "fine_gas", who)
+    energy, rows = endurance.fine_energy(run), len(run.history)
+    tenth = len(energy) // 10
+    note = f"last tenth less first: {energy[-tenth:].mean() - energy[:tenth].mean():.1e}; {rows} rows"
+    return Measured(
+        float(np.abs(energy).max()) if rows / 4 < len(energy) < rows - 100 else math.nan, note=note
+    )  # fmt: skip
 
 
 def float32(results: Results) -> Measured:
@@ -226,6 +238,11 @@ CASE = Case(
             "each collision errs by its onset within a step; the sum walks at random",
             "collisions that gain or lose energy on average, a pair missed by a neighbour list",
             against="conservation",
+        ),
+        *_per_who(
+            "fine gas: energy, largest change in 1e5 steps", fine, 1e-6,
+            f"third order in the step for Hertz' smooth onset, {endurance.FINE} steps a contact",
+            "a scheme that is not symplectic where nothing damps", against="conservation",
         ),
     ),
     figures=(
