@@ -1,10 +1,13 @@
 """Results of the full tier, kept in the project and shown, as recorded, by reports of a shorter tier."""
 
+import dataclasses
 import json
+import re
 
 import pytest
 
-from comparisons import cli, discover, execute, recorded_cases
+from comparisons import cli, discover, execute, recorded_cases, report
+from comparisons.case import Table
 from comparisons.discover import find_cases
 from gpudem.errors import GpudemError
 from tests.comparisons import fake
@@ -39,6 +42,60 @@ def test_a_shorter_tier_shows_what_was_kept(kept, tmp_path):
     assert "Full tier, recorded" in page
     assert recorded.provenance["date"][:10] in page
     assert comparison.counts()["pass"] == len(comparison.checks)  # those kept are not counted again
+
+
+def advising(recorded: bool = True):
+    """The fake case with a figure and a table that are kept, the table one of advice."""
+    import pandas
+
+    one = fake.case()
+
+    def table(results):
+        return pandas.DataFrame(
+            [("step", f"take a short one, says {results.tier}")], columns=["choose", "by"]
+        )
+
+    return dataclasses.replace(
+        one, figures=(dataclasses.replace(one.figures[0], recorded=recorded),),
+        tables=(Table("Advice", "Of this run.", table, section="advice", recorded=recorded),),
+    )  # fmt: skip
+
+
+def test_figures_and_tables_are_kept_with_ids_of_their_own(kept, tmp_path):
+    """Catches a record whose picture shares clip paths with the live one, or that is never shown."""
+    folder, long = tmp_path / "kept", tmp_path / "long"
+    long.mkdir()
+    session = execute.Session([advising()], long, tier="full")
+    recorded_cases.keep(session.run(), long, folder)
+    found = recorded_cases.find("throw", folder)
+    assert found is not None
+    assert [a.kind for a in found.artefacts] == ["figure", "table"]
+    live = set(re.findall(r' id="([^"]+)"', next((long / "throw").rglob("*.svg")).read_text()))
+    kept = (folder / found.artefacts[0].file).read_text()
+    assert live
+    assert set(re.findall(r' id="([^"]+)"', kept)) == {f"recorded-{name}" for name in live}
+    assert set(re.findall(r'(?:url\(#|href="#)([^)"]+)', kept)) <= {f"recorded-{name}" for name in live}
+
+
+def test_advice_stands_first_and_the_full_tier_speaks(kept, tmp_path, monkeypatch):
+    """Catches advice of a short run where the long one is known, and a section that nobody fills."""
+    monkeypatch.setattr(report.recorded_cases, "FOLDER", kept)
+    (tmp_path / "short").mkdir()
+    session = execute.Session([advising()], tmp_path / "short", tier="quick")
+    session.run()
+    page = (tmp_path / "short" / "report.html").read_text()
+    assert "take a short one, says quick" in page
+    assert page.index('<section id="advice"') < page.index('<section id="overview"')
+    (tmp_path / "long").mkdir()
+    recorded_cases.keep(
+        execute.Session([advising()], tmp_path / "long", tier="full").run(), tmp_path / "long", kept
+    )
+    (tmp_path / "again").mkdir()
+    execute.Session([advising()], tmp_path / "again", tier="quick").run()
+    page = (tmp_path / "again" / "report.html").read_text()
+    Page(page)
+    assert "take a short one, says full" in page
+    assert "take a short one, says quick" not in page
 
 
 def test_the_full_tier_shows_itself_alone(kept, tmp_path):
