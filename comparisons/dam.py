@@ -77,11 +77,9 @@ class Dam:
     flows: float = 1.0
     """Time simulated after that [s]; the pile is at rest after 0.9 s."""
     slice: bool = True
-    """Three diameters and a little deep, periodic, softened; else the whole box with its walls, true
-    modulus.
-    """
-    young: float = SOFT
-    """Young's modulus [Pa] of both materials of a slice."""
+    """Three diameters and a little deep, periodic; else the whole box with its walls."""
+    young: float | None = SOFT
+    """Young's modulus [Pa] of both materials; None: their own."""
 
     @property
     def depth(self) -> float:
@@ -95,13 +93,13 @@ class Dam:
 
     @property
     def step(self) -> float:
-        """Time step [s]: 8 % of the Rayleigh time, at the softened modulus and at the true one."""
-        return 2.5e-5 * self.radius / RADIUS * math.sqrt(SOFT / self.young) if self.slice else 1e-6
+        """Time step [s]: 8 % of the Rayleigh time."""
+        return 2.5e-5 * self.radius / RADIUS * math.sqrt(SOFT / self.young) if self.young else 1e-6
 
     def scene(self) -> Scene:
         """The whole statement."""
         ball, wall = BALL, ACRYLIC
-        if self.slice:
+        if self.young:
             ball, wall = (m.model_copy(update={"young": self.young}) for m in (BALL, ACRYLIC))
         margin, mu = 2 * self.radius, self.friction
         planes = [

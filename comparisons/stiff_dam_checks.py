@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from comparisons import dam, plots, stiff_dam
+from comparisons import plots, stiff_dam
 from comparisons.case import Check, Mark, Measured, Results, Tier
 from comparisons.numbers import number
 from comparisons.stiff_dam import CONTACTS, DEPTH, METRICS, PLANS
@@ -21,6 +21,9 @@ TIERS: tuple[Tier, ...] = tuple(PLANS)
 ALPHA = 0.01
 #: Slope of overlap against modulus on log axes: (load/E)^(2/3).
 HERTZ = -2 / 3
+#: Time [s] over which the codes must agree: hundreds of contacts made and gone; after it rounding grows
+#: tenfold every 3 ms where contacts are as short as the true modulus makes them.
+EARLY = 0.045
 #: Who is held against float64 at the hardest modulus.
 SAME: tuple[tuple[str, Mark, tuple[str, ...]], ...] = (
     ("gpudem mixed", "R", ("gpudem",)), ("LIGGGHTS", "X", ("gpudem", "liggghts")),
@@ -44,7 +47,7 @@ def early(results: Results) -> Measured:
         *(stiff_dam.runs(results, plan.hardest, w) for w in ("gpudem float64", "LIGGGHTS")), strict=True
     ):
         a, b = results[ours].history, results[theirs].history
-        soon = a["time"].to_numpy() <= dam.EARLY
+        soon = a["time"].to_numpy() <= EARLY
         columns = ["centre_x", "centre_z"]
         distance = np.linalg.norm(a[columns].to_numpy() - b[columns].to_numpy(), axis=1)
         apart.append(float(distance[soon].max()) / (2 * plan.radius))
@@ -97,9 +100,9 @@ def checks() -> tuple[Check, ...]:
             for who, mark, needs in SAME
         ),
         Check(
-            name="dam break at the hardest modulus: centre of mass, largest distance in 0.07 s / diameter",
-            measure=early, tolerance=1e-9, unit="1", against="LIGGGHTS", mark="X", tiers=TIERS, needs=both,
-            reason="same law, same scheme: rounding, which a stiff contact lets grow the faster",
+            name="dam break at the hardest modulus: centre of mass, largest distance in 45 ms / diameter",
+            measure=early, tolerance=1e-10, unit="1", against="LIGGGHTS", mark="X", tiers=TIERS, needs=both,
+            reason="same law, same scheme: rounding, before it has grown",
             catches="an overlap that loses digits where it is a millionth of the radius",
         ),
         Check(
@@ -114,12 +117,18 @@ def checks() -> tuple[Check, ...]:
             tiers=TIERS, reason="half the bytes of springs and forces, on the CPU device",
             catches="a mixed mode that costs more than it saves",
         ),
-        Check(
-            name="dam break: largest modulus that changes the flow or the pile [Pa]",
-            measure=too_soft, lo=1e5, tolerance=4e6, unit="Pa", against="the hardest modulus", mark="R",
-            tiers=TIERS,
-            reason="overlaps of a tenth of the radius take room; at 5 MPa and above the seeds hide it",
-            catches="a modulus that does not act; a test too weak to see a bed of rubber",
+        *(
+            Check(
+                name="dam break: largest modulus that changes the flow or the pile [Pa]",
+                measure=too_soft, lo=1e5, tolerance=plan.moduli[-3 if plan.hardest == stiff_dam.TRUE else -2],
+                unit="Pa",
+                against="the hardest modulus", mark="R", tiers=(tier,),
+                reason="a finding, shown as such; the tolerance says that rubber is told from plastic"
+                + ("" if plan.hardest < stiff_dam.TRUE else ", and that the flow has a stiff limit: the next"
+                   " softer modulus is the same"),
+                catches="a modulus that does not act; a test too weak to see a bed of rubber",
+            )
+            for tier, plan in PLANS.items()
         ),
     )  # fmt: skip
 
@@ -135,7 +144,7 @@ def draw_shift(ax: Axes, results: Results) -> None:
         ax.plot(plan.moduli, shift, marker="osv^D<>"[k], ms=4, lw=0.9, color=plots.SERIES[k % 7], label=label)
     ax.axhspan(-2, 2, color="0.92", zorder=0)
     ax.set(xscale="log", yscale="symlog", ylabel="change of the mean / standard deviation of a seed")
-    plots.legend(ax)
+    ax.legend(loc="upper right", fontsize=7)
 
 
 def table(results: Results) -> pandas.DataFrame:

@@ -36,7 +36,7 @@ def variants(tier: Tier) -> list[Variant]:
     out += [Variant(f"mu_{mu:g}", Dam(radius=radius, friction=mu, flows=0.7).scene()) for mu in SWEEP]
     if tier == "full":  # 120 000 balls, whole box, true modulus, 1.5 million steps each: a GPU's work
         out += [
-            Variant(f"whole_{label}", Dam(gate=gate, slice=False).scene(), codes=("gpudem",))
+            Variant(f"whole_{label}", Dam(gate=gate, slice=False, young=None).scene(), codes=("gpudem",))
             for gate, label in GATE_LABELS.items()
         ]
     return out
