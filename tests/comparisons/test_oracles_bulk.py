@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from comparisons.oracles import gas, linear
+from comparisons.oracles import column, gas, linear
 from comparisons.oracles.rolling import Arm, down_slope, resisted, sticking_limit
 from gpudem.contact.coefficients import pair_coefficients
 from gpudem.scene import Contact, Domain, Explicit, Material, Pair, Scene, Time
@@ -101,3 +101,29 @@ def test_cooling_is_rate_times_loss():
     w = gas.collision_rate(2e-3, 2.4e7, 1.0, gas.contact_value(gas.volume_share(2e-3, 2.4e7)))
     assert slope == pytest.approx((1 - e * e) * w / 6, rel=0.005)
     assert slope != pytest.approx((1 - e * e) * w / 6, rel=0.001)
+
+
+def test_a_thin_column_is_the_barometric_one():
+    # catches: units of cover, the height counted from elsewhere. Ideal gas: exp(-g h/T), mean height T/g
+    thin = column.column(0.1, 10.0, 2e-3, 1e-6 / 2e-3**2)
+    assert thin.centre == pytest.approx(0.01, rel=1e-5)
+    assert thin.layer < 1e-6
+    assert thin.share_below(np.array([0.01])) == pytest.approx(1 - math.exp(-1), rel=1e-5)
+
+
+def test_a_dense_column_carries_its_weight():
+    # catches: the integral of the profile. phi/volume integrates to the spheres above an area, less the layer
+    d, cover = 2e-3, 2 / 2e-3**2
+    dense = column.column(0.0858, 9.81, d, cover)
+    above = np.trapezoid(dense.phi, dense.height) / (math.pi / 6 * d**3)
+    assert above == pytest.approx((1 - dense.layer) * cover, rel=1e-5)
+    assert dense.layer == pytest.approx(0.025, abs=0.001)
+    again = column.of_energy(1.5 * 0.0858 + 9.81 * dense.centre, 3, 9.81, d, cover)
+    assert again.temperature == pytest.approx(0.0858, rel=1e-8)
+
+
+def test_hits_bring_the_weight():
+    # a half-Maxwellian hits with mean speed sqrt(pi T/2): N m g = 2 m sqrt(pi T/2) rate
+    rng = np.random.default_rng(1)
+    speed = rng.rayleigh(math.sqrt(0.3), 1_000_000).mean()
+    assert column.floor_rate(5, 9.81, 0.3) * 2 * speed == pytest.approx(5 * 9.81, rel=2e-3)
