@@ -130,8 +130,8 @@ def test_hits_bring_the_weight():
 
 
 def test_equations_of_state_of_disks():
-    # catches: a digit of a coefficient. Henderson: 4.125 at 0.5; Luding's correction is 1.2 % at 0.6; both are
-    # 1 + 2 eta + 3.125 eta^2 at small eta
+    # catches: a digit of a coefficient. Henderson: 4.125 at 0.5; Luding's correction is 1.2 % at 0.6; both
+    # are 1 + 2 eta + 3.125 eta^2 at small eta
     assert gas.disk_compressibility(0.5, gas.henderson(0.5)) == pytest.approx(4.125)
     assert gas.disk_compressibility(0.6, gas.disk_contact_value(0.6)) == pytest.approx(6.4521, abs=1e-4)
     small = gas.disk_compressibility(1e-3, gas.disk_contact_value(1e-3))
