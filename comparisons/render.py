@@ -111,7 +111,10 @@ def picture(
     plotter.add_mesh(pyvista.Box(edges), style="wireframe", color="#9aa4ae", line_width=1.5, lighting=False)
     for plane in scene.planes:
         if plane.removed_at is not None and time < plane.removed_at:
-            plotter.add_mesh(_gate(plane, lo, hi), color="#d55e00", opacity=0.35, lighting=False)
+            gate = _gate(plane, lo, hi)
+            plotter.add_mesh(gate, color="#d55e00", opacity=0.35, lighting=False)
+            if view == "side":  # which sees a gate by its edge
+                plotter.add_mesh(gate, style="wireframe", color="#d55e00", line_width=3, lighting=False)
     camera, extent = plotter.camera, _extent(lo, hi, forward)
     camera.parallel_projection = True
     camera.focal_point, camera.up = (lo + hi) / 2, (0.0, 0.0, 1.0)

@@ -30,7 +30,7 @@ SHARES: dict[Tier, tuple[tuple[float, ...], tuple[float, ...]]] = {
 VIRIAL_TO = 0.5
 #: Tier -> collisions before counting and counted, each per particle; particles of a side: disks, spheres.
 SIZES: dict[Tier, tuple[int, int, int, int]] = {
-    "quick": (30, 400, 50, 12), "standard": (40, 700, 50, 16), "full": (100, 3000, 80, 20),
+    "quick": (30, 400, 50, 12), "standard": (40, 700, 50, 16), "full": (100, 1500, 80, 20),
 }  # fmt: skip
 
 
