@@ -28,7 +28,7 @@ SETTLED = 2.8e-3
 EARLY_TIME = 1.5e-3
 #: Tier -> hard spheres for Haff's law, spheres for all engines, seeds of all engines, contact time [s].
 SIZES: dict[Tier, tuple[int, int, int, float]] = {
-    "quick": (2197, 512, 3, 4e-5), "standard": (4096, 512, 8, 4e-5), "full": (13824, 2197, 10, 1e-5),
+    "quick": (2197, 512, 3, 4e-5), "standard": (4096, 512, 8, 4e-5), "full": (8000, 1000, 10, 2e-5),
 }  # fmt: skip
 #: Seeds of the hard spheres, which are cheap.
 HARD_SEEDS = 16
