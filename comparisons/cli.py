@@ -181,6 +181,21 @@ def report(directory: Path) -> int:
     return 0
 
 
+@app.command()
+@click.argument("directory", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help=".gif or .mp4.  [default: DIRECTORY/run.gif]")
+@click.option("--fps", type=click.FloatRange(0.1, 100), default=20.0, show_default=True)
+@click.option("--view", type=click.Choice(["side", "oblique"]), default="side", show_default=True)
+@click.option("--color", default="speed", show_default=True, help="speed, or a column of the frames.")
+@click.option("--width", type=click.IntRange(100, 4000), default=800, show_default=True, help="Pixels.")
+@QUIET
+def animate(directory: Path, out: Path | None, quiet: bool, **options: Any) -> int:
+    """Make a moving picture, GIF or MP4, of the frames of a run."""
+    from comparisons import cli_scene
+
+    return cli_scene.animate(directory, out or directory / "run.gif", quiet, **options)
+
+
 @app.command(add_help_option=False, context_settings={"ignore_unknown_options": True})
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 def bench(arguments: tuple[str, ...]) -> int:

@@ -1,9 +1,10 @@
-"""The commands about one scene: run, deck, validate."""
+"""The commands about one scene: run, resume, animate, deck, validate."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -81,6 +82,20 @@ def _shown(
         f" {progress.quantity(t.rate)} particle-steps/s on {t.device}, {cores}, {t.precision}"
     )
     click.echo(directory / "run.pvd")
+    return 0
+
+
+def animate(directory: Path, out: Path, quiet: bool, **options: Any) -> int:
+    """Draw the frames of a run into a file."""
+    from comparisons import animate as module
+    from comparisons import render
+
+    count = module.animate(directory, out, **options)
+    if not render.can_render():
+        click.echo(f"warning: {render.NO_GL}", err=True)
+    if not quiet:
+        click.echo(f"{count} frames, {out.stat().st_size / 1e6:.2f} MB", err=True)
+    click.echo(out)
     return 0
 
 

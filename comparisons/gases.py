@@ -1,4 +1,4 @@
-"""Gases in a periodic cube: how the cases haff and elastic_gas state them, and what both measure."""
+"""Gases in a cube: how the cases of cooling and elastic gases state them, and what they measure."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from comparisons.case import Check, Measured, Results
 from comparisons.impact_checks import CODES
 from comparisons.metrics.trace import largest_difference
+from comparisons.oracles import linear
 from gpudem.run import Run
 from gpudem.scene import Domain, Lattice, Scene
 
@@ -24,10 +25,24 @@ def box_length(count: int, phi: float) -> float:
     return (count * math.pi / 6 * (2 * RADIUS) ** 3 / phi) ** (1 / 3)
 
 
+def stiffness(contact_time: float) -> float:
+    """K [N/m] of a linear spring between two spheres: pi sqrt(m*/k) = contact time, m* = m/2."""
+    return MASS / 2 * (math.pi / contact_time) ** 2
+
+
+def spring_young(contact_time: float, speed: float) -> float:
+    """Young's modulus [Pa] that makes `hooke` at this characteristic velocity a spring of that stiffness."""
+    star = linear.young_star(stiffness(contact_time), RADIUS / 2, MASS / 2, speed)
+    return 2 * (1 - POISSON**2) * star
+
+
 def gas_box(name: str, count: int, phi: float, seed: int, **sections: Any) -> Scene:
-    """`count` spheres of one kind on a jittered lattice, velocities normal with T = 1 m2/s2 a component."""
+    """`count` spheres of one kind on a jittered lattice, velocities normal with T = 1 m2/s2 a component.
+
+    The cube is periodic unless `sections` give walls.
+    """
     edge = box_length(count, phi)
-    cells = math.ceil(count ** (1 / 3) - 1e-9)
+    cells, open_ = math.ceil(count ** (1 / 3) - 1e-9), "walls" not in sections
     return Scene(
         name=name,
         particles=Lattice(
@@ -35,7 +50,8 @@ def gas_box(name: str, count: int, phi: float, seed: int, **sections: Any) -> Sc
             hi=(edge, edge, edge),
             spacing=edge / cells / (2 * RADIUS) * (1 - 1e-9), velocity_rms=1.0, seed=seed,
         ),
-        domain=Domain(lo=(0, 0, 0), hi=(edge, edge, edge), periodic=(True, True, True)), **sections,
+        domain=Domain(lo=(0, 0, 0), hi=(edge, edge, edge), periodic=(open_, open_, open_)),
+        **sections,
     )  # fmt: skip
 
 

@@ -23,8 +23,11 @@ if TYPE_CHECKING:
 
 #: Width [pixels] of one picture; enough for half a page at twice its density.
 WIDTH = 1100
-#: Where the camera looks: along the depth of the box, a little to the right and down.
-FORWARD = np.array([0.18, 1.0, -0.26]) / np.linalg.norm([0.18, 1.0, -0.26])
+#: Where the camera looks: along the depth of the box, and for `oblique` a little to the right and down.
+VIEWS = {
+    "oblique": np.array([0.18, 1.0, -0.26]) / np.linalg.norm([0.18, 1.0, -0.26]),
+    "side": np.array([0.0, 1.0, 0.0]),
+}
 #: More spheres than this are drawn as shaded points instead of meshes.
 MESHES = 4000
 #: What stands under pictures that are circles because GL is missing.
@@ -68,8 +71,11 @@ def picture(
     color: str = "speed",
     limits: tuple[float, float] | None = None,
     time: float = 0.0,
+    view: str = "oblique",
+    box: tuple[np.ndarray, np.ndarray] | None = None,
+    width: int = WIDTH,
 ) -> np.ndarray:
-    """A frame from the side and a little above, as an image (height, width, 3), uint8.
+    """A frame from the side, by default a little from above, as an image (height, width, 3), uint8.
 
     Args:
         scene: Gives domain and walls.
@@ -77,14 +83,17 @@ def picture(
         color: "speed" [m/s], "id", or any scalar column of the frame.
         limits: Range of the colours; default: the frame's own.
         time: Physical time [s]: gates removed by then are not drawn.
+        view: One of VIEWS.
+        box: Corners of what is seen [m]; default: the domain.
+        width: Of the image [pixels].
     """
     import pyvista
 
     os.environ.update(_environment())
-    lo, hi = np.array(scene.domain.lo), np.array(scene.domain.hi)
-    height = _height(lo, hi)
-    box = (*np.stack([lo, hi], axis=1).ravel(),)
-    plotter: Any = pyvista.Plotter(off_screen=True, window_size=[WIDTH, height], lighting="light kit")
+    lo, hi = box or (np.array(scene.domain.lo), np.array(scene.domain.hi))
+    forward, height = VIEWS[view], pixels(lo, hi, view, width)
+    edges = (*np.stack([lo, hi], axis=1).ravel(),)
+    plotter: Any = pyvista.Plotter(off_screen=True, window_size=[width, height], lighting="light kit")
     plotter.set_background("white")
     cloud: Any = pyvista.PolyData(np.ascontiguousarray(frame["position"]))
     cloud["color"], radius = values(frame, color), frame["radius"]
@@ -99,16 +108,19 @@ def picture(
             cloud, style="points_gaussian", emissive=False, render_points_as_spheres=True, **look
         )
         actor.mapper.scale_factor = float(np.mean(radius))
-    plotter.add_mesh(pyvista.Box(box), style="wireframe", color="#9aa4ae", line_width=1.5, lighting=False)
+    plotter.add_mesh(pyvista.Box(edges), style="wireframe", color="#9aa4ae", line_width=1.5, lighting=False)
     for plane in scene.planes:
         if plane.removed_at is not None and time < plane.removed_at:
-            plotter.add_mesh(_gate(plane, lo, hi), color="#d55e00", opacity=0.35, lighting=False)
-    camera, extent = plotter.camera, _extent(lo, hi)
+            gate = _gate(plane, lo, hi)
+            plotter.add_mesh(gate, color="#d55e00", opacity=0.35, lighting=False)
+            if view == "side":  # which sees a gate by its edge
+                plotter.add_mesh(gate, style="wireframe", color="#d55e00", line_width=3, lighting=False)
+    camera, extent = plotter.camera, _extent(lo, hi, forward)
     camera.parallel_projection = True
     camera.focal_point, camera.up = (lo + hi) / 2, (0.0, 0.0, 1.0)
-    camera.position = (lo + hi) / 2 - 4 * np.linalg.norm(hi - lo) * FORWARD
+    camera.position = (lo + hi) / 2 - 4 * np.linalg.norm(hi - lo) * forward
     plotter.reset_camera_clipping_range()
-    camera.parallel_scale = 0.515 * max(extent[1], extent[0] * height / WIDTH)
+    camera.parallel_scale = 0.515 * max(extent[1], extent[0] * height / width)
     image = plotter.screenshot(None, return_img=True)
     plotter.close()
     return image[..., :3]
@@ -140,7 +152,7 @@ def side_by_side(
     columns = min(2, len(views))
     rows = -(-len(views) // columns)
     scene, _ = next(iter(views.values()))
-    ratio = _height(np.array(scene.domain.lo), np.array(scene.domain.hi)) / WIDTH
+    ratio = pixels(np.array(scene.domain.lo), np.array(scene.domain.hi)) / WIDTH
     height = rows * (plots.WHOLE / columns * ratio + 0.35) + 0.6
     fig, axes = plots.figure(rows, columns, width=plots.WHOLE, height=height, squeeze=False)
     for axis in axes.flat:
@@ -165,10 +177,39 @@ def side_by_side(
 
 
 def values(frame: Frame, color: str) -> np.ndarray:
-    """The scalar of each particle that its colour shows."""
+    """The scalar of each particle that its colour shows; of a vector its length."""
     if color == "speed":
         return np.linalg.norm(frame["velocity"], axis=1)
-    return np.asarray(frame[color], dtype=np.float64)
+    column = np.asarray(frame[color], dtype=np.float64)
+    return np.linalg.norm(column, axis=1) if column.ndim == 2 else column
+
+
+def flat(
+    scene: Scene,
+    frame: Frame,
+    *,
+    color: str,
+    limits: tuple[float, float],
+    box: tuple[np.ndarray, np.ndarray],
+    width: int,
+) -> np.ndarray:
+    """A frame from the side as circles, where GL is missing; an image (height, width, 3), uint8."""
+    from comparisons import plots
+
+    height = pixels(*box, "side", width)
+    with plots.look():
+        figure, axis = plots.figure(width=width / 100, height=height / 100, dpi=100, layout="none")
+        axis.set_position((0.015, 0.015, 0.97, 0.97))
+        axis.axis("off")
+        _circles(axis, scene, frame, color, limits)
+        axis.set(xlim=(box[0][0], box[1][0]), ylim=(box[0][2], box[1][2]))
+        figure.set_facecolor("white")
+        figure.canvas.draw()
+        image = np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()  # pyright: ignore[reportAttributeAccessIssue]
+        import matplotlib.pyplot as plt
+
+        plt.close(figure)
+    return image
 
 
 def _circles(axis: Any, scene: Scene, frame: Frame, color: str, limits: tuple[float, float]) -> None:
@@ -189,19 +230,19 @@ def _circles(axis: Any, scene: Scene, frame: Frame, color: str, limits: tuple[fl
     axis.set(xlim=(lo[0], hi[0]), ylim=(lo[2], hi[2]), aspect="equal")
 
 
-def _extent(lo: np.ndarray, hi: np.ndarray) -> tuple[float, float]:
-    """Width and height [m] of a domain as `picture` sees it."""
-    right = np.cross(FORWARD, (0.0, 0.0, 1.0))
+def _extent(lo: np.ndarray, hi: np.ndarray, forward: np.ndarray) -> tuple[float, float]:
+    """Width and height [m] of a box seen along `forward`."""
+    right = np.cross(forward, (0.0, 0.0, 1.0))
     right /= np.linalg.norm(right)
-    up = np.cross(right, FORWARD)
+    up = np.cross(right, forward)
     # the projection of a box is as wide as its edges' projections together
     return float(np.abs(right) @ (hi - lo)), float(np.abs(up) @ (hi - lo))
 
 
-def _height(lo: np.ndarray, hi: np.ndarray) -> int:
-    """Pixels for a domain seen as `picture` sees it."""
-    width, height = _extent(lo, hi)
-    return int(WIDTH * min(1.0, max(0.2, height / width)))
+def pixels(lo: np.ndarray, hi: np.ndarray, view: str = "oblique", width: int = WIDTH) -> int:
+    """Height of the image of a box."""
+    across, upwards = _extent(lo, hi, VIEWS[view])
+    return int(width * min(1.0, max(0.2, upwards / across)))
 
 
 def _gate(plane: Any, lo: np.ndarray, hi: np.ndarray) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 from comparisons import gases, plots
 from comparisons.case import TIERS, Case, Check, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.impact_checks import CODES
-from comparisons.oracles import gas, linear
+from comparisons.oracles import gas
 from gpudem.run import Run
 from gpudem.scene import Contact, Material, Output, Pair, Scene, Time
 
@@ -34,11 +34,6 @@ TOLERANCE = {
 }
 
 
-def stiffness(contact_time: float) -> float:
-    """K [N/m] of a linear spring: pi sqrt(m*/k) = contact time, m* = m/2."""
-    return gases.MASS / 2 * (math.pi / contact_time) ** 2
-
-
 def free_time(phi: float) -> float:
     """Mean free time [s] at T = 1 m2/s2 (Enskog)."""
     density = 6 * phi / (math.pi * (2 * gases.RADIUS) ** 3)
@@ -48,8 +43,7 @@ def free_time(phi: float) -> float:
 def scene(count: int, phi: float, free_times: int) -> Scene:
     """The gas with a linear spring through `hooke`, so that every contact lasts equally long."""
     contact_time = SHARES[phi]
-    star = linear.young_star(stiffness(contact_time), gases.RADIUS / 2, gases.MASS / 2, SPEED)
-    young, step = 2 * (1 - gases.POISSON**2) * star, contact_time / STEPS
+    young, step = gases.spring_young(contact_time, SPEED), contact_time / STEPS
     duration, early = free_times * free_time(phi), free_times < SETTLE
     every = max(1, round(duration / step / (40 if early else 600))) * step
     return gases.gas_box(
@@ -101,7 +95,7 @@ def shares(results: Results) -> list[float]:
 
 def _facts(run: Run, phi: float) -> tuple[float, float, float, float]:
     """(k [N/m], n [1/m3], T [m2/s2], volume share of the hard spheres the springs equal)."""
-    k, edge = stiffness(SHARES[phi]), run.scene.domain.hi[0]
+    k, edge = gases.stiffness(SHARES[phi]), run.scene.domain.hi[0]
     late = run.history["time"].to_numpy() > SETTLE * free_time(phi)
     t = float(gases.temperature(run)[late].mean())
     d = gas.soft_diameter(2 * gases.RADIUS, k, gases.MASS, t)
@@ -126,7 +120,7 @@ def springs(results: Results, code: str, phi: float) -> tuple[np.ndarray, np.nda
     run = results[f"phi_{phi:g}", code]
 
     def compute() -> tuple[np.ndarray, np.ndarray]:
-        k, edge, d = stiffness(SHARES[phi]), run.scene.domain.hi[0], 2 * gases.RADIUS
+        k, edge, d = gases.stiffness(SHARES[phi]), run.scene.domain.hi[0], 2 * gases.RADIUS
         rows = []
         for x in run.trace["position"]:
             place = x % edge

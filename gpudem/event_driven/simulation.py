@@ -17,8 +17,9 @@ from gpudem.observe import Recorder
 from gpudem.run import Run, Timing
 from gpudem.scene import Scene
 
-#: Columns of the history beside HISTORY_COLUMNS: collisions and energies [J] since the start.
-EVENT_COLUMNS = ("collisions", "wall_collisions", "work", "dissipated")
+#: Columns of the history beside HISTORY_COLUMNS: collisions, energies [J] and the sum of impulse times
+#: diameter over the collisions of pairs [J s], since the start.
+EVENT_COLUMNS = ("collisions", "wall_collisions", "work", "dissipated", "virial")
 #: A chunk of events that takes less than this share of the run's length is a diverging event rate.
 SLOWEST = 1e-7
 
@@ -71,7 +72,7 @@ def run(
         recorder.add(step, _frame(engine, scene), 0)
         if recorder.history_stride and step % recorder.history_stride == 0:
             counts, sums = engine.counts, engine.sums
-            more.append((counts.collisions, counts.walls, sums.work, sums.dissipated))
+            more.append((counts.collisions, counts.walls, sums.work, sums.dissipated, sums.virial))
         seconds["output"] += time.perf_counter() - start
 
     def report(t: float) -> None:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from comparisons.oracles import gas, linear
+from comparisons.oracles import column, gas, linear
 from comparisons.oracles.rolling import Arm, down_slope, resisted, sticking_limit
 from gpudem.contact.coefficients import pair_coefficients
 from gpudem.scene import Contact, Domain, Explicit, Material, Pair, Scene, Time
@@ -101,3 +101,55 @@ def test_cooling_is_rate_times_loss():
     w = gas.collision_rate(2e-3, 2.4e7, 1.0, gas.contact_value(gas.volume_share(2e-3, 2.4e7)))
     assert slope == pytest.approx((1 - e * e) * w / 6, rel=0.005)
     assert slope != pytest.approx((1 - e * e) * w / 6, rel=0.001)
+
+
+def test_a_thin_column_is_the_barometric_one():
+    # catches: units of cover, the height counted from elsewhere. Ideal gas: exp(-g h/T), mean height T/g
+    thin = column.column(0.1, 10.0, 2e-3, 1e-6 / 2e-3**2)
+    assert thin.centre == pytest.approx(0.01, rel=1e-5)
+    assert thin.layer < 1e-6
+    assert thin.share_below(np.array([0.01])) == pytest.approx(1 - math.exp(-1), rel=1e-5)
+
+
+def test_a_dense_column_carries_its_weight():
+    # catches: the integral of the profile. phi/volume integrates to the spheres above an area, less the layer
+    d, cover = 2e-3, 2 / 2e-3**2
+    dense = column.column(0.0858, 9.81, d, cover)
+    above = np.trapezoid(dense.phi, dense.height) / (math.pi / 6 * d**3)
+    assert above == pytest.approx((1 - dense.layer) * cover, rel=1e-5)
+    assert dense.layer == pytest.approx(0.025, abs=0.001)
+    again = column.of_energy(1.5 * 0.0858 + 9.81 * dense.centre, 3, 9.81, d, cover)
+    assert again.temperature == pytest.approx(0.0858, rel=1e-8)
+
+
+def test_hits_bring_the_weight():
+    # a half-Maxwellian hits with mean speed sqrt(pi T/2): N m g = 2 m sqrt(pi T/2) rate
+    rng = np.random.default_rng(1)
+    speed = rng.rayleigh(math.sqrt(0.3), 1_000_000).mean()
+    assert column.floor_rate(5, 9.81, 0.3) * 2 * speed == pytest.approx(5 * 9.81, rel=2e-3)
+
+
+def test_equations_of_state_of_disks():
+    # catches: a digit of a coefficient. Henderson: 4.125 at 0.5; Luding's correction is 1.2 % at 0.6; both
+    # are 1 + 2 eta + 3.125 eta^2 at small eta
+    assert gas.disk_compressibility(0.5, gas.henderson(0.5)) == pytest.approx(4.125)
+    assert gas.disk_compressibility(0.6, gas.disk_contact_value(0.6)) == pytest.approx(6.4521, abs=1e-4)
+    small = gas.disk_compressibility(1e-3, gas.disk_contact_value(1e-3))
+    assert small == pytest.approx(1 + 2e-3 + 3.125e-6, abs=1e-8)
+
+
+def test_virial_series_of_spheres():
+    # catches: a digit of a coefficient. Carnahan and Starling's are 4, 10, 18, 28, 40, 54, ...
+    assert gas.virial_series(0.1) == pytest.approx(gas.compressibility(0.1), rel=5e-4)
+    assert gas.virial_series(math.pi / 12) == pytest.approx(3.2691, abs=2e-4)
+
+
+def test_rate_goes_with_pressure():
+    # catches: a factor for two or three axes. Enskog's rate and Z have one g
+    z, d, t = gas.compressibility(0.2), 2e-3, 0.7
+    n = 6 * 0.2 / (math.pi * d**3)
+    want = gas.collision_rate(d, n, t, gas.contact_value(0.2))
+    assert gas.rate_of_pressure(z, d, t, 3) == pytest.approx(want)
+    g, n = gas.henderson(0.3), 4 * 0.3 / (math.pi * d**2)
+    want = 2 * math.sqrt(math.pi) * n * d * g * math.sqrt(t)
+    assert gas.rate_of_pressure(gas.disk_compressibility(0.3, g), d, t, 2) == pytest.approx(want)
