@@ -67,7 +67,9 @@ class Engine:
     def __init__(self, statement: Statement, cell_edge: float | None = None, log: int = 0):
         self.statement, self.n = statement, len(statement.radius)
         self._device = find_device("cpu")
-        self._start, self._advance = kernels()
+        self._start, self._advance = kernels(
+            saw=any(walls.stroke.any() for _, _, walls in statement.segments),
+        )
         diameter = 2 * float(statement.radius.max())
         edge = EDGE * diameter if cell_edge is None else cell_edge
         if edge < diameter:
@@ -161,6 +163,11 @@ class Engine:
                 f"particle {i + 1} rests on a wall at t = {self.time:.9g} s: hard spheres state no lasting"
                 " contact; lift it, or use the soft solver"
             )
+        if status == k.UNSEEN:
+            raise SimulationError(
+                f"particle {i + 1} finds no tooth of a vibrating wall at t = {self.time:.9g} s: the period is"
+                " too short for the clock; amplitude = 0 is that limit"
+            )
 
     # -- reading -------------------------------------------------------------------------------------------
 
@@ -220,6 +227,7 @@ class Engine:
         self._shut = self._array("shut", np.zeros(6, np.int32), whole)
         self._wall_at = self._array("wall_at", np.zeros(6), real)
         self._wall_speed = self._array("wall_speed", np.zeros(6), real)
+        self._wall_stroke = self._array("wall_stroke", np.zeros(6), real)
         self._wall_restitution = self._array("wall_restitution", np.ones((6, len(s.restitution))), real)
         self._array("restitution", s.restitution, real)
         span = s.hi - s.lo
@@ -259,13 +267,16 @@ class Engine:
         cell = np.floor((x - self.statement.lo) / self.edge).astype(int)
         self._cell[:] = np.clip(cell, 0, self.cells - 1)
         self._head[:] = -1
+        self._status[0] = k.BUSY
         wp.launch(
             self._start, dim=1, inputs=[self._events, begin, self.n], device=self._device, record_tape=False
         )
+        self._raise_for(int(self._status[0]), int(self._status[1]))
 
     def _set_walls(self, walls: Walls) -> None:
         s = self.statement
-        self._wall[:], self._wall_at[:], self._wall_speed[:] = walls.present, walls.at, walls.speed
+        self._wall[:], self._wall_at[:] = walls.present, walls.at
+        self._wall_speed[:], self._wall_stroke[:] = walls.speed, walls.stroke
         self._wall_restitution[:] = walls.restitution
         edges = np.stack([s.lo, s.hi], axis=1).ravel()
         outwards = np.array([-1.0, 1.0] * 3)

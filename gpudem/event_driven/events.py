@@ -13,7 +13,7 @@ PAIRS, HITS, CROSSINGS, STALE, GUARDED = (wp.constant(k) for k in range(5))
 #: Places in `sums`: work of moving walls [J], dissipation [J], virial sum of J d [J s], largest overlap [d].
 WORK, DISSIPATED, VIRIAL, OVERLAP = (wp.constant(k) for k in range(4))
 #: Values of `status[0]`; status[1] is the particle.
-BUSY, DONE, LOST, RESTING = (wp.constant(k) for k in range(4))
+BUSY, DONE, LOST, RESTING, UNSEEN = (wp.constant(k) for k in range(5))
 
 
 @wp.struct
@@ -33,7 +33,8 @@ class Events:
     # walls, by side
     wall: wp.array(dtype=wp.int32)
     wall_at: wp.array(dtype=wp.float64)
-    wall_speed: wp.array(dtype=wp.float64)  # of the fast floor along its normal [m/s]
+    wall_speed: wp.array(dtype=wp.float64)  # U of a vibrating wall along its normal [m/s]
+    wall_stroke: wp.array(dtype=wp.float64)  # A of its saw-tooth [m]; 0: the fast floor, or a wall at rest
     shut: wp.array(dtype=wp.int32)  # no centre can come to this side of the cells
     wall_restitution: wp.array2d(dtype=wp.float64)  # side, material
     restitution: wp.array2d(dtype=wp.float64)  # material, material
@@ -84,6 +85,41 @@ def fall_time(h: real, w: real, a: real):
     if q < real(0.0):
         return FAR
     return real(2.0) * h / (wp.sqrt(q) - w)
+
+
+@wp.func
+def saw_time(t: real, h: real, w: real, a: real, speed: real, stroke: real):
+    """First time from t at which a surface meets a wall at U (t mod A/U); FAR if never.
+
+    h, w, a: its height over the wall's lowest place, its velocity and acceleration away from the wall. In a
+    tooth the wall has no acceleration: one quadratic. A flight above the stroke is skipped in closed form.
+    Who is within the stroke as a tooth begins is hit in it or leaves it upwards, and comes down at most once:
+    fewer than 8 teeth are looked at, however slow and far the particle. -1: that was wrong.
+    """
+    period = stroke / speed
+    k = wp.floor(t / period)
+    if (k + real(1.0)) * period <= t:  # rounding of t / period: the wall is at its lowest again
+        k = k + real(1.0)
+    begin = real(0.0)
+    teeth = wp.int32(8)
+    for _tooth in range(teeth):
+        above = h + begin * (w + real(0.5) * a * begin) - stroke
+        if above > real(0.0):
+            fall = fall_time(above, w + a * begin, a)
+            if fall >= FAR:
+                return FAR
+            begin = begin + fall
+            k = wp.max(k, wp.floor((t + begin) / period))
+            if (k + real(1.0)) * period <= t + begin:
+                k = k + real(1.0)
+        end = (k + real(1.0)) * period - t
+        gap = h + begin * (w + real(0.5) * a * begin) - speed * (t + begin - k * period)
+        after = begin + fall_time(gap, w + a * begin - speed, a)
+        if after <= end:
+            return t + after
+        begin = end
+        k = k + real(1.0)
+    return real(-1.0)
 
 
 @wp.func

@@ -30,6 +30,7 @@ from gpudem.event_driven.events import (
     PAIRS,
     RESTING,
     STALE,
+    UNSEEN,
     VIRIAL,
     WALL,
     WORK,
@@ -39,6 +40,7 @@ from gpudem.event_driven.events import (
     link,
     meeting_time,
     real,
+    saw_time,
     unlink,
     vec3,
     wrapped,
@@ -77,28 +79,6 @@ def scan(s: Events, i: int, t: real, first: wp.vec3i, end: wp.vec3i, known: real
                             best = after
                             partner = j
                         j = s.next[j]
-    return best, partner
-
-
-@wp.func
-def predict_walls(s: Events, i: int, t: real, known: real):
-    """Earliest wall that i, whose clock is t, reaches, if before `known`."""
-    x, v, radius = s.x[i], s.v[i], s.radius[i]
-    best = known + real(0.0)
-    partner = wp.int32(NOBODY)
-    for axis in range(3):
-        if s.wall[2 * axis] > 0:
-            h = x[axis] - s.wall_at[2 * axis] - radius
-            after = t + fall_time(h, v[axis], s.gravity[axis])
-            if after < best:
-                best = after
-                partner = WALL - 2 * axis
-        if s.wall[2 * axis + 1] > 0:
-            h = s.wall_at[2 * axis + 1] - x[axis] - radius
-            after = t + fall_time(h, -v[axis], -s.gravity[axis])
-            if after < best:
-                best = after
-                partner = WALL - (2 * axis + 1)
     return best, partner
 
 
@@ -149,53 +129,6 @@ def play(s: Events, i: int):
 
 
 @wp.func
-def predict(s: Events, i: int, t: real):
-    """All next events of i, whose clock is t; enters the earliest into the tree."""
-    best, partner = scan(s, i, t, -s.reach, s.reach, FAR)
-    sooner, side = predict_walls(s, i, t, best)
-    if side != NOBODY:
-        partner = side
-    s.hit_time[i] = sooner
-    s.partner[i] = partner
-    if partner >= 0:
-        s.partner_collisions[i] = s.collisions[partner]
-    predict_crossing(s, i, t)
-
-
-@wp.func
-def cross(s: Events, i: int, t: real):
-    """Particle i enters the next cell and looks at the cells that come within its reach."""
-    side = s.cross_side[i]
-    axis = side // 2
-    step = 2 * (side % 2) - 1
-    bring(s, i, t)
-    c = s.cell[i]
-    to = wrapped(c[axis] + step, s.cells[axis], s.periodic[axis])
-    if to < 0:
-        s.status[0] = LOST
-        s.status[1] = i
-        return
-    if to != c[axis] + step:
-        x = s.x[i]
-        x[axis] = x[axis] - real(step) * s.size[axis]
-        s.x[i] = x
-    unlink(s, i)
-    c[axis] = to
-    link(s, i, c)
-    first, end = -s.reach, wp.vec3i(s.reach[0], s.reach[1], s.reach[2])
-    first[axis] = step
-    end[axis] = step
-    best, partner = scan(s, i, t, first, end, s.hit_time[i])
-    if partner >= 0:
-        s.hit_time[i] = best
-        s.partner[i] = partner
-        s.partner_collisions[i] = s.collisions[partner]
-    predict_crossing(s, i, t)
-    play(s, i)
-    s.counts[CROSSINGS] = s.counts[CROSSINGS] + wp.int64(1)
-
-
-@wp.func
 def guarded(s: Events, i: int, t: real, e: real):
     """Restitution after the TC model, for i."""
     if t - s.last[i] < s.guard:
@@ -216,72 +149,155 @@ def note(s: Events, i: int, partner: int, t: real, e: real, used: real):
     s.last[i] = t
 
 
-@wp.func
-def hit_wall(s: Events, i: int, side: int, t: real):
-    """The rule of the fast floor, v' = (1 + e) U - e v along the normal; U = 0 is a wall at rest."""
-    bring(s, i, t)
-    axis = side // 2
-    sign = real(1 - 2 * (side % 2))
-    v = s.v[i]
-    speed = s.wall_speed[side]
-    w = sign * v[axis]
-    if w >= real(0.0) and speed <= real(0.0):
-        s.status[0] = RESTING
-        s.status[1] = i
-        return
-    e = s.wall_restitution[side, s.material[i]]
-    used = guarded(s, i, t, e)
-    dw = (real(1.0) + used) * (speed - w)
-    v[axis] = v[axis] + sign * dw
-    s.v[i] = v
-    lost = real(0.5) * s.mass[i] * (real(1.0) - used * used) * (w - speed) * (w - speed)
-    s.sums[WORK] = s.sums[WORK] + s.mass[i] * dw * speed
-    s.sums[DISSIPATED] = s.sums[DISSIPATED] + lost
-    note(s, i, WALL - side, t, e, used)
-    s.counts[HITS] = s.counts[HITS] + wp.int64(1)
-    predict(s, i, t)
-    play(s, i)
-
-
-@wp.func
-def hit_pair(s: Events, i: int, j: int, t: real):
-    """Smooth spheres: J = -(1 + e) m* u_n along the line of centres."""
-    bring(s, i, t)
-    bring(s, j, t)
-    r = s.x[i] - s.x[j]
-    for axis in range(3):
-        if s.periodic[axis] > 0:
-            r[axis] = r[axis] - s.size[axis] * wp.round(r[axis] / s.size[axis])
-    distance = wp.length(r)
-    normal = r / distance
-    w = wp.dot(normal, s.v[i] - s.v[j])
-    d = s.radius[i] + s.radius[j]
-    e = s.restitution[s.material[i], s.material[j]]
-    used = guarded(s, j, t, guarded(s, i, t, e))
-    reduced = s.mass[i] * s.mass[j] / (s.mass[i] + s.mass[j])
-    impulse = wp.max(-(real(1.0) + used) * reduced * w, real(0.0))  # grazing: rounding must not pull
-    s.v[i] = s.v[i] + (impulse / s.mass[i]) * normal
-    s.v[j] = s.v[j] - (impulse / s.mass[j]) * normal
-    if w < real(0.0):
-        lost = real(0.5) * reduced * (real(1.0) - used * used) * w * w
-        s.sums[DISSIPATED] = s.sums[DISSIPATED] + lost
-    s.sums[VIRIAL] = s.sums[VIRIAL] + impulse * d
-    s.sums[OVERLAP] = wp.max(s.sums[OVERLAP], (d - distance) / d)
-    note(s, i, j, t, e, used)
-    s.collisions[j] = s.collisions[j] + 1
-    s.last[j] = t
-    s.counts[PAIRS] = s.counts[PAIRS] + wp.int64(1)
-    predict(s, i, t)
-    predict(s, j, t)
-    play(s, i)
-    play(s, j)
-
-
 @functools.cache
-def kernels() -> tuple[Any, Any]:
-    """(start, advance): first prediction of all particles; the loop over a bounded number of events."""
+def kernels(saw: bool) -> tuple[Any, Any]:
+    """(start, advance): first prediction of all particles; the loop over a bounded number of events.
 
-    @wp.kernel(enable_backward=False)
+    Args:
+        saw: There is a wall whose saw-tooth has an amplitude.
+    """
+
+    @wp.func
+    def wall_time(s: Events, i: int, side: int, t: real, h: real, w: real, a: real):
+        """When i, whose clock is t, meets the wall of a side; h: its distance from the wall's place."""
+        if wp.static(saw):
+            if s.wall_stroke[side] > real(0.0):
+                after = saw_time(t, h, w, a, s.wall_speed[side], s.wall_stroke[side])
+                if after < real(0.0):
+                    s.status[0] = UNSEEN
+                    s.status[1] = i
+                return after
+        return t + fall_time(h, w, a)
+
+    @wp.func
+    def predict_walls(s: Events, i: int, t: real, known: real):
+        """Earliest wall that i, whose clock is t, reaches, if before `known`."""
+        x, v, radius = s.x[i], s.v[i], s.radius[i]
+        best = known + real(0.0)
+        partner = wp.int32(NOBODY)
+        for axis in range(3):
+            if s.wall[2 * axis] > 0:
+                h = x[axis] - s.wall_at[2 * axis] - radius
+                after = wall_time(s, i, 2 * axis, t, h, v[axis], s.gravity[axis])
+                if after < best:
+                    best = after
+                    partner = WALL - 2 * axis
+            if s.wall[2 * axis + 1] > 0:
+                h = s.wall_at[2 * axis + 1] - x[axis] - radius
+                after = wall_time(s, i, 2 * axis + 1, t, h, -v[axis], -s.gravity[axis])
+                if after < best:
+                    best = after
+                    partner = WALL - (2 * axis + 1)
+        return best, partner
+
+    @wp.func
+    def predict(s: Events, i: int, t: real):
+        """All next events of i, whose clock is t; enters the earliest into the tree."""
+        best, partner = scan(s, i, t, -s.reach, s.reach, FAR)
+        sooner, side = predict_walls(s, i, t, best)
+        if side != NOBODY:
+            partner = side
+        s.hit_time[i] = sooner
+        s.partner[i] = partner
+        if partner >= 0:
+            s.partner_collisions[i] = s.collisions[partner]
+        predict_crossing(s, i, t)
+
+    @wp.func
+    def cross(s: Events, i: int, t: real):
+        """Particle i enters the next cell and looks at the cells that come within its reach."""
+        side = s.cross_side[i]
+        axis = side // 2
+        step = 2 * (side % 2) - 1
+        bring(s, i, t)
+        c = s.cell[i]
+        to = wrapped(c[axis] + step, s.cells[axis], s.periodic[axis])
+        if to < 0:
+            s.status[0] = LOST
+            s.status[1] = i
+            return
+        if to != c[axis] + step:
+            x = s.x[i]
+            x[axis] = x[axis] - real(step) * s.size[axis]
+            s.x[i] = x
+        unlink(s, i)
+        c[axis] = to
+        link(s, i, c)
+        first, end = -s.reach, wp.vec3i(s.reach[0], s.reach[1], s.reach[2])
+        first[axis] = step
+        end[axis] = step
+        best, partner = scan(s, i, t, first, end, s.hit_time[i])
+        if partner >= 0:
+            s.hit_time[i] = best
+            s.partner[i] = partner
+            s.partner_collisions[i] = s.collisions[partner]
+        predict_crossing(s, i, t)
+        play(s, i)
+        s.counts[CROSSINGS] = s.counts[CROSSINGS] + wp.int64(1)
+
+    @wp.func
+    def hit_wall(s: Events, i: int, side: int, t: real):
+        """Along the normal v' = (1 + e) U - e v by the wall's true velocity; U = 0 is a wall at rest."""
+        bring(s, i, t)
+        axis = side // 2
+        sign = real(1 - 2 * (side % 2))
+        v = s.v[i]
+        speed = s.wall_speed[side]
+        w = sign * v[axis]
+        lasting = speed <= real(0.0)
+        if wp.static(saw):
+            lasting = lasting or s.wall_stroke[side] > real(0.0)
+        if lasting and w >= speed:
+            s.status[0] = RESTING
+            s.status[1] = i
+            return
+        e = s.wall_restitution[side, s.material[i]]
+        used = guarded(s, i, t, e)
+        dw = (real(1.0) + used) * (speed - w)
+        v[axis] = v[axis] + sign * dw
+        s.v[i] = v
+        lost = real(0.5) * s.mass[i] * (real(1.0) - used * used) * (w - speed) * (w - speed)
+        s.sums[WORK] = s.sums[WORK] + s.mass[i] * dw * speed
+        s.sums[DISSIPATED] = s.sums[DISSIPATED] + lost
+        note(s, i, WALL - side, t, e, used)
+        s.counts[HITS] = s.counts[HITS] + wp.int64(1)
+        predict(s, i, t)
+        play(s, i)
+
+    @wp.func
+    def hit_pair(s: Events, i: int, j: int, t: real):
+        """Smooth spheres: J = -(1 + e) m* u_n along the line of centres."""
+        bring(s, i, t)
+        bring(s, j, t)
+        r = s.x[i] - s.x[j]
+        for axis in range(3):
+            if s.periodic[axis] > 0:
+                r[axis] = r[axis] - s.size[axis] * wp.round(r[axis] / s.size[axis])
+        distance = wp.length(r)
+        normal = r / distance
+        w = wp.dot(normal, s.v[i] - s.v[j])
+        d = s.radius[i] + s.radius[j]
+        e = s.restitution[s.material[i], s.material[j]]
+        used = guarded(s, j, t, guarded(s, i, t, e))
+        reduced = s.mass[i] * s.mass[j] / (s.mass[i] + s.mass[j])
+        impulse = wp.max(-(real(1.0) + used) * reduced * w, real(0.0))  # grazing: rounding must not pull
+        s.v[i] = s.v[i] + (impulse / s.mass[i]) * normal
+        s.v[j] = s.v[j] - (impulse / s.mass[j]) * normal
+        if w < real(0.0):
+            lost = real(0.5) * reduced * (real(1.0) - used * used) * w * w
+            s.sums[DISSIPATED] = s.sums[DISSIPATED] + lost
+        s.sums[VIRIAL] = s.sums[VIRIAL] + impulse * d
+        s.sums[OVERLAP] = wp.max(s.sums[OVERLAP], (d - distance) / d)
+        note(s, i, j, t, e, used)
+        s.collisions[j] = s.collisions[j] + 1
+        s.last[j] = t
+        s.counts[PAIRS] = s.counts[PAIRS] + wp.int64(1)
+        predict(s, i, t)
+        predict(s, j, t)
+        play(s, i)
+        play(s, j)
+
+    @wp.kernel(module="unique", enable_backward=False)
     def start(s: Events, t: real, n: int):
         """Bring all to t, put them into their cells, predict, fill the tree."""
         for i in range(n):
@@ -300,7 +316,7 @@ def kernels() -> tuple[Any, Any]:
             if s.time[b] < s.time[a]:
                 s.winner[node] = b
 
-    @wp.kernel(enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False)
     def advance(s: Events, t_stop: real, events: int):
         """Event after event to t_stop, at most so many."""
         for _k in range(events):

@@ -85,7 +85,8 @@ class Slow:
             if k >= 0 and t[k] < best:
                 best, who, partner = float(t[k]), int(self._i[k]), int(self._j[k])
         for side in np.flatnonzero(walls.present).tolist():
-            t = self._wall_times(side, walls)
+            moves = walls.stroke[side] > 0
+            t = self._saw_times(side, walls, best) if moves else self._wall_times(side, walls)
             k = int(np.argmin(t))
             if t[k] < best:
                 best, who, partner = float(t[k]), k, -2 - side
@@ -110,6 +111,27 @@ class Slow:
             roots = [(-w[i] + z * np.sqrt(q)) / a for z in (-1, 1)]
             down = [t for t in roots if t >= 0 and w[i] + a * t < 0]
             times[i] = min(down, default=np.inf)
+        return times
+
+    def _saw_times(self, side: int, walls: Walls, until: float) -> np.ndarray:
+        """Roots of h + w t + a t^2/2 = U (t - k T) within tooth k: tooth after tooth, to the first hit."""
+        s, sign = self.statement, 1 - 2 * (side % 2)
+        h = (self.x[:, side // 2] - walls.at[side]) * sign - s.radius
+        w, a = self.v[:, side // 2] * sign, s.gravity[side // 2] * sign
+        speed, period = float(walls.speed[side]), float(walls.stroke[side] / walls.speed[side])
+        k, times = np.floor(self.time / period), np.full(len(h), np.inf)
+        until = min(until, s.segments[-1][1] - self.time)
+        while k * period - self.time <= until and not np.isfinite(times).any():
+            begin, end = max(k * period - self.time, 0.0), (k + 1) * period - self.time
+            gap = h + w * begin + a * begin**2 / 2 - speed * (self.time + begin - k * period)
+            slow, length = w + a * begin - speed, end - begin
+            q = slow * slow - 2 * a * gap
+            with np.errstate(divide="ignore", invalid="ignore"):
+                roots = [(-slow + z * np.sqrt(q)) / a for z in (-1, 1)] if a else [-gap / slow] * 2
+                down = [np.where((t >= 0) & (slow + a * t < 0), t, np.inf) for t in roots]
+            first = np.where((gap <= 1e-15) & (slow < 0), 0.0, np.minimum(*down))
+            times = np.where((first <= length) & (length > 0), begin + first, np.inf)
+            k += 1
         return times
 
     def _restitution(self, e: float, *partners: int) -> float:

@@ -27,7 +27,6 @@ def run(
     scene: Scene,
     directory: str | Path | None = None,
     *,
-    floor_speed: float = 0.0,
     guard: float = 0.0,
     cell_edge: float | None = None,
     budget: int | None = None,
@@ -40,8 +39,6 @@ def run(
     Args:
         scene: What to simulate.
         directory: Where frames and tables go; None keeps no frames.
-        floor_speed: U [m/s] of a floor that vibrates infinitely fast with zero amplitude: a particle that
-            comes down on the wall under gravity leaves with v' = (1 + e) U - e v. 0: a floor at rest.
         guard: t_c [s] of the TC model (Luding and McNamara 1998): who meets another sooner than t_c after
             the last collision does so elastically. 0: off; a scene that collapses is then an error.
         cell_edge: Edge of a cell [m]; changes the speed alone.
@@ -57,13 +54,13 @@ def run(
     """
     began = time.perf_counter()
     path = None if directory is None else Path(directory)
-    statement = Statement.of(scene, floor_speed, guard)
+    statement = Statement.of(scene, guard)
     recorder = Recorder(scene, path)
     engine = Engine(statement, cell_edge)
     setup_s = time.perf_counter() - began
     more: list[tuple[float, ...]] = []
     seconds = {"stepping": 0.0, "output": 0.0}
-    notes: dict[str, object] = {"scene_hash": scene.hash, "floor_speed": floor_speed, "guard": guard}
+    notes: dict[str, object] = {"scene_hash": scene.hash, "guard": guard}
     step = 0
 
     def keep() -> None:

@@ -13,6 +13,8 @@ from gpudem.scene import Plane, Scene
 from gpudem.sections import Side
 
 SIDES: tuple[Side, ...] = ("xlo", "xhi", "ylo", "yhi", "zlo", "zhi")
+#: Shortest period of a vibrating wall, by the length of the run: the clock must tell where in a tooth it is.
+SHORTEST = 1e-9
 #: Overlap in diameters that rounding may leave; more at the start is an error.
 ROUNDING = 1e-9
 
@@ -28,7 +30,9 @@ class Walls:
     restitution: np.ndarray
     """(6, materials) [1]."""
     speed: np.ndarray
-    """(6,) U of the fast floor, inwards [m/s]; 0 for a wall at rest."""
+    """(6,) U of a vibrating wall, inwards [m/s]; 0 for a wall at rest."""
+    stroke: np.ndarray
+    """(6,) A of its saw-tooth [m]; 0 is the limit of a fast floor."""
     names: tuple[str, ...]
 
 
@@ -62,7 +66,7 @@ class Statement:
     """t_c of the TC model [s]; 0 is none."""
 
     @classmethod
-    def of(cls, scene: Scene, floor_speed: float = 0.0, guard: float = 0.0) -> Statement:
+    def of(cls, scene: Scene, guard: float = 0.0) -> Statement:
         """A scene's hard spheres.
 
         Raises:
@@ -74,12 +78,12 @@ class Statement:
         for pair in scene.pairs:
             a, b = (scene.material_index[m] for m in pair.materials)
             restitution[a, b] = restitution[b, a] = pair.restitution
-        found = _unstatable(scene, floor_speed, guard)
+        found = _unstatable(scene, guard)
         if found:
             raise SceneError(f"{scene.name} (event-driven)", found)
         lo, hi = np.array(scene.domain.lo), np.array(scene.domain.hi)
         segments = tuple(
-            (a * scene.time.step, b * scene.time.step, _walls(planes, scene, restitution, floor_speed))
+            (a * scene.time.step, b * scene.time.step, _walls(planes, scene, restitution))
             for a, b, planes in scene.segments
         )
         flat = np.ptp(state.position, axis=0) == 0
@@ -137,7 +141,7 @@ def _axis_side(plane: Plane) -> int | None:
     return 2 * axes[0] + (plane.normal[axes[0]] < 0) if len(axes) == 1 else None
 
 
-def _unstatable(scene: Scene, floor_speed: float, guard: float) -> list[str]:
+def _unstatable(scene: Scene, guard: float) -> list[str]:
     """What a scene says that hard spheres cannot, one line each."""
     found: list[str] = []
     if scene.contact.normal == "hertz/stiffness":
@@ -152,23 +156,34 @@ def _unstatable(scene: Scene, floor_speed: float, guard: float) -> list[str]:
         side = _axis_side(plane)
         if side is None:
             found.append(f"walls.{plane.name}.normal = {plane.normal}: must lie along an axis")
-    if floor_speed < 0 or not math.isfinite(floor_speed):
-        found.append(f"floor_speed = {floor_speed:g} m/s: must be 0 or more")
-    if floor_speed > 0 and not any(_axis_side(plane) == _floor(scene) for plane in scene.planes):
-        found.append(f"floor_speed = {floor_speed:g} m/s: there is no wall under gravity to move")
+    found += _unstatable_motion(scene)
     if guard < 0 or not math.isfinite(guard):
         found.append(f"guard = {guard:g} s: must be 0 or more")
     return found
 
 
-def _floor(scene: Scene) -> int | None:
-    """The side that gravity points to, None without gravity along one axis."""
-    axes = [k for k in range(3) if scene.gravity[k] != 0]
-    return 2 * axes[0] + (scene.gravity[axes[0]] > 0) if len(axes) == 1 else None
+def _unstatable_motion(scene: Scene) -> list[str]:
+    """Vibrating walls that the event loop cannot follow."""
+    found: list[str] = []
+    for plane in scene.planes:
+        if plane.vibration is None or plane.vibration.amplitude == 0:
+            continue
+        key, period = f"walls.{plane.name}.vibration", plane.vibration.amplitude / plane.vibration.speed
+        if period < SHORTEST * scene.time.duration:
+            found.append(
+                f"{key}: period amplitude / speed = {period:.3g} s is below {SHORTEST:g} of the run;"
+                " amplitude = 0 is that limit"
+            )
+        others = [p.name for p in scene.planes if p is not plane and _axis_side(p) == _axis_side(plane)]
+        if others:
+            found.append(
+                f"{key}: bounds the same side as {', '.join(others)}; a wall that moves stands alone"
+            )
+    return found
 
 
-def _walls(planes: list[Plane], scene: Scene, restitution: np.ndarray, floor_speed: float) -> Walls:
-    present, at, speed = np.zeros(6, bool), np.zeros(6), np.zeros(6)
+def _walls(planes: list[Plane], scene: Scene, restitution: np.ndarray) -> Walls:
+    present, at, speed, stroke = np.zeros(6, bool), np.zeros(6), np.zeros(6), np.zeros(6)
     e, names = np.ones((6, len(restitution))), [""] * 6
     for plane in planes:
         side = _axis_side(plane)
@@ -179,5 +194,6 @@ def _walls(planes: list[Plane], scene: Scene, restitution: np.ndarray, floor_spe
             continue  # behind another wall of this side
         present[side], at[side], names[side] = True, where, plane.name
         e[side] = restitution[:, scene.material_index[plane.material]]
-        speed[side] = floor_speed if side == _floor(scene) else 0.0
-    return Walls(present, at, e, speed, tuple(names))
+        speed[side] = plane.vibration.speed if plane.vibration else 0.0
+        stroke[side] = plane.vibration.amplitude if plane.vibration else 0.0
+    return Walls(present, at, e, speed, stroke, tuple(names))

@@ -17,14 +17,14 @@ from tests.event_driven import scenes
 R = scenes.RADIUS
 
 
-def engine(scene, floor_speed=0.0, guard=0.0, log=100) -> Engine:
-    return Engine(Statement.of(scene, floor_speed, guard), log=log)
+def engine(scene, guard=0.0, log=100) -> Engine:
+    return Engine(Statement.of(scene, guard), log=log)
 
 
 def bouncing(e: float, height: float = 0.5, **more):
     return scenes.scene(
         [[0, 0, height + R]], [[0, 0, 0]], wall_restitution=e, gravity=(0, 0, -1), lo=(-1, -1, 0),
-        sides=("zlo",), duration=40.0, **more,
+        duration=40.0, **({"sides": ("zlo",)} | more),
     )  # fmt: skip
 
 
@@ -159,7 +159,7 @@ def test_a_ball_at_rest_on_the_floor_is_an_error():
 
 def test_the_fast_floor():
     # v' = (1 + e) U - e v; catches: U taken once, or the sign of v. And the work it does
-    e = engine(bouncing(0.5, height=0.5), floor_speed=0.3)
+    e = engine(bouncing(0.5, height=0.5, walls=scenes.floored(0.3, 0.0)))
     e.advance(1.0 + 1e-9)
     assert e.state()[1][0, 2] == pytest.approx(1.5 * 0.3 + 0.5 * 1.0, abs=1e-8)
     work = (0.95 + 1) * 0.3
@@ -178,7 +178,12 @@ OBLIQUE = Plane(name="slope", material="wall", point=(0, 0, -1), normal=(0.1, 0,
 REFUSED = {
     "an oblique wall": ({"walls": [OBLIQUE]}, {}, r"walls\.slope\.normal"),
     "restart files": ({"output": Output(restart_every=0.1)}, {}, r"output\.restart_every"),
-    "no floor to move": ({}, {"floor_speed": 0.1}, "no wall under gravity"),
+    "a vibration too fast for the clock": (
+        {"walls": scenes.floored(1.0, 1e-12)}, {}, r"walls\.floor\.vibration.*amplitude = 0 is that limit",
+    ),
+    "two walls of a side, one of which moves": (
+        {"walls": scenes.floored(1.0, 0.1, ("zlo",))}, {}, r"walls\.floor\.vibration: .* box_zlo",
+    ),
     "negative guard": ({}, {"guard": -1.0}, "guard = -1 s"),
 }  # fmt: skip
 
@@ -188,7 +193,7 @@ def test_refused_by_name(name):
     # catches: a scene that runs as something else than it says
     changes, options, message = REFUSED[name]
     with pytest.raises(SceneError, match=message):
-        gpudem.event_driven.run(scenes.scene([[0, 0, 0]], [[0, 0, 0]], **changes), **options)
+        gpudem.event_driven.run(scenes.scene([[0, 0, 0.5]], [[0, 0, 0]], **changes), **options)
 
 
 def test_overlap_at_the_start_is_refused():
