@@ -15,6 +15,8 @@ from gpudem.event_driven.statement import SIDES, Statement, Walls
 
 #: Events of one launch, some 40 ms: time to look at the clock, for Ctrl-C and for progress.
 CHUNK = 100_000
+#: A chunk of events that takes less than this share of the scene's duration is a diverging event rate.
+SLOWEST = 1e-7
 #: Edge of a cell by the largest diameter: fastest at some 1.4 [1.1 to 1.6 differ little].
 EDGE = 1.4
 
@@ -69,6 +71,7 @@ class Engine:
         self._device = find_device("cpu")
         self._start, self._advance = kernels(
             saw=any(walls.stroke.any() for _, _, walls in statement.segments),
+            rough=statement.rough,
         )
         diameter = 2 * float(statement.radius.max())
         edge = EDGE * diameter if cell_edge is None else cell_edge
@@ -92,7 +95,7 @@ class Engine:
         self,
         t: float,
         budget: int | None = None,
-        slowest: float = 0.0,
+        slowest: float | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> None:
         """Go on to time t [s].
@@ -100,13 +103,16 @@ class Engine:
         Args:
             t: Time to stop at [s], not before the present one.
             budget: Most events that the whole run may take.
-            slowest: Least time [s] that CHUNK events (or 100 a particle) must take.
+            slowest: Least time [s] that CHUNK events (or 100 a particle) must take; default: SLOWEST of the
+                scene's duration.
             progress: Called with the time [s] after every chunk.
 
         Raises:
             SimulationError: the event rate diverges or the budget is spent; a particle left the domain or
                 rests on a wall.
         """
+        if slowest is None:
+            slowest = SLOWEST * self.statement.segments[-1][1]
         while t > self._end and self._segment + 1 < len(self.statement.segments):
             self._to(self._end, budget, slowest, progress)
             self._next_segment()
@@ -180,6 +186,11 @@ class Engine:
         return np.where(s.periodic, s.lo + (x - s.lo) % (s.hi - s.lo), x), v
 
     @property
+    def spin(self) -> np.ndarray:
+        """Angular velocities (n, 3) [rad/s]; between smooth spheres those of the start."""
+        return (self._spin if self.statement.rough else self.statement.spin).copy()
+
+    @property
     def counts(self) -> Counts:
         """Events so far."""
         return Counts(*self._counts.tolist())
@@ -192,8 +203,9 @@ class Engine:
     def energy(self) -> float:
         """Kinetic and potential energy [J] of the present state; potential counts from the origin."""
         x, v = self.state()
-        m = self.statement.mass
-        return float(0.5 * m @ (v * v).sum(axis=1) - m @ (x @ self.statement.gravity))
+        m, w, radius = self.statement.mass, self.spin, self.statement.radius
+        turning = 0.2 * float((m * radius**2) @ (w * w).sum(axis=1))
+        return float(0.5 * m @ (v * v).sum(axis=1) - m @ (x @ self.statement.gravity)) + turning
 
     @property
     def log(self) -> tuple[np.ndarray, np.ndarray]:
@@ -230,6 +242,11 @@ class Engine:
         self._wall_stroke = self._array("wall_stroke", np.zeros(6), real)
         self._wall_restitution = self._array("wall_restitution", np.ones((6, len(s.restitution))), real)
         self._array("restitution", s.restitution, real)
+        if s.rough:
+            e.tangential = s.tangential
+            self._array("friction", s.friction, real)
+            self._wall_friction = self._array("wall_friction", np.zeros((6, len(s.friction))), real)
+            self._spin = self._array("spin", s.spin, wp.vec3d)
         span = s.hi - s.lo
         x = np.where(s.periodic, s.lo + (s.position - s.lo) % span, s.position)
         self._x, self._v = self._array("x", x, wp.vec3d), self._array("v", s.velocity, wp.vec3d)
@@ -278,6 +295,8 @@ class Engine:
         self._wall[:], self._wall_at[:] = walls.present, walls.at
         self._wall_speed[:], self._wall_stroke[:] = walls.speed, walls.stroke
         self._wall_restitution[:] = walls.restitution
+        if s.rough:
+            self._wall_friction[:] = walls.friction
         edges = np.stack([s.lo, s.hi], axis=1).ravel()
         outwards = np.array([-1.0, 1.0] * 3)
         self._shut[:] = walls.present & ((walls.at - edges) * outwards <= 0)

@@ -28,6 +28,7 @@ class Events:
     reach: wp.vec3i  # 1 along axes with motion, 0 along the axis that a layer of disks does not leave
     periodic: wp.vec3i
     guard: wp.float64  # t_c [s]: an encounter sooner than this after the last is elastic
+    tangential: wp.float64  # beta0 of rough spheres
     leaves: wp.int32  # of the tree, a power of two
     log_size: wp.int32
     # walls, by side
@@ -38,6 +39,10 @@ class Events:
     shut: wp.array(dtype=wp.int32)  # no centre can come to this side of the cells
     wall_restitution: wp.array2d(dtype=wp.float64)  # side, material
     restitution: wp.array2d(dtype=wp.float64)  # material, material
+    # of rough spheres alone
+    wall_friction: wp.array2d(dtype=wp.float64)  # side, material
+    friction: wp.array2d(dtype=wp.float64)  # material, material
+    spin: wp.array(dtype=wp.vec3d)  # by particle [rad/s]
     # particles
     x: wp.array(dtype=wp.vec3d)
     v: wp.array(dtype=wp.vec3d)

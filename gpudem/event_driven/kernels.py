@@ -19,21 +19,13 @@ import warp as wp
 from gpudem.event_driven.events import (
     BUSY,
     CROSSINGS,
-    DISSIPATED,
     DONE,
     FAR,
-    GUARDED,
-    HITS,
     LOST,
     NOBODY,
-    OVERLAP,
-    PAIRS,
-    RESTING,
     STALE,
     UNSEEN,
-    VIRIAL,
     WALL,
-    WORK,
     Events,
     bring,
     fall_time,
@@ -45,6 +37,7 @@ from gpudem.event_driven.events import (
     vec3,
     wrapped,
 )
+from gpudem.event_driven.rules import rules
 
 
 @wp.func
@@ -128,34 +121,15 @@ def play(s: Events, i: int):
         s.winner[node] = won
 
 
-@wp.func
-def guarded(s: Events, i: int, t: real, e: real):
-    """Restitution after the TC model, for i."""
-    if t - s.last[i] < s.guard:
-        return real(1.0)
-    return e
-
-
-@wp.func
-def note(s: Events, i: int, partner: int, t: real, e: real, used: real):
-    """Log and count a collision of i."""
-    done = wp.int32(s.counts[PAIRS] + s.counts[HITS])
-    if done < s.log_size:
-        s.log[done] = wp.vec2i(i, partner)
-        s.log_time[done] = t
-    if used != e:
-        s.counts[GUARDED] = s.counts[GUARDED] + wp.int64(1)
-    s.collisions[i] = s.collisions[i] + 1
-    s.last[i] = t
-
-
 @functools.cache
-def kernels(saw: bool) -> tuple[Any, Any]:
+def kernels(saw: bool, rough: bool) -> tuple[Any, Any]:
     """(start, advance): first prediction of all particles; the loop over a bounded number of events.
 
     Args:
         saw: There is a wall whose saw-tooth has an amplitude.
+        rough: Collisions have a tangential impulse, and spins are part of the state.
     """
+    of_wall, of_pair = rules(saw, rough)
 
     @wp.func
     def wall_time(s: Events, i: int, side: int, t: real, h: real, w: real, a: real):
@@ -237,61 +211,16 @@ def kernels(saw: bool) -> tuple[Any, Any]:
 
     @wp.func
     def hit_wall(s: Events, i: int, side: int, t: real):
-        """Along the normal v' = (1 + e) U - e v by the wall's true velocity; U = 0 is a wall at rest."""
-        bring(s, i, t)
-        axis = side // 2
-        sign = real(1 - 2 * (side % 2))
-        v = s.v[i]
-        speed = s.wall_speed[side]
-        w = sign * v[axis]
-        lasting = speed <= real(0.0)
-        if wp.static(saw):
-            lasting = lasting or s.wall_stroke[side] > real(0.0)
-        if lasting and w >= speed:
-            s.status[0] = RESTING
-            s.status[1] = i
-            return
-        e = s.wall_restitution[side, s.material[i]]
-        used = guarded(s, i, t, e)
-        dw = (real(1.0) + used) * (speed - w)
-        v[axis] = v[axis] + sign * dw
-        s.v[i] = v
-        lost = real(0.5) * s.mass[i] * (real(1.0) - used * used) * (w - speed) * (w - speed)
-        s.sums[WORK] = s.sums[WORK] + s.mass[i] * dw * speed
-        s.sums[DISSIPATED] = s.sums[DISSIPATED] + lost
-        note(s, i, WALL - side, t, e, used)
-        s.counts[HITS] = s.counts[HITS] + wp.int64(1)
-        predict(s, i, t)
-        play(s, i)
+        """A collision with a wall, and what comes next."""
+        of_wall(s, i, side, t)
+        if s.status[0] == BUSY:
+            predict(s, i, t)
+            play(s, i)
 
     @wp.func
     def hit_pair(s: Events, i: int, j: int, t: real):
-        """Smooth spheres: J = -(1 + e) m* u_n along the line of centres."""
-        bring(s, i, t)
-        bring(s, j, t)
-        r = s.x[i] - s.x[j]
-        for axis in range(3):
-            if s.periodic[axis] > 0:
-                r[axis] = r[axis] - s.size[axis] * wp.round(r[axis] / s.size[axis])
-        distance = wp.length(r)
-        normal = r / distance
-        w = wp.dot(normal, s.v[i] - s.v[j])
-        d = s.radius[i] + s.radius[j]
-        e = s.restitution[s.material[i], s.material[j]]
-        used = guarded(s, j, t, guarded(s, i, t, e))
-        reduced = s.mass[i] * s.mass[j] / (s.mass[i] + s.mass[j])
-        impulse = wp.max(-(real(1.0) + used) * reduced * w, real(0.0))  # grazing: rounding must not pull
-        s.v[i] = s.v[i] + (impulse / s.mass[i]) * normal
-        s.v[j] = s.v[j] - (impulse / s.mass[j]) * normal
-        if w < real(0.0):
-            lost = real(0.5) * reduced * (real(1.0) - used * used) * w * w
-            s.sums[DISSIPATED] = s.sums[DISSIPATED] + lost
-        s.sums[VIRIAL] = s.sums[VIRIAL] + impulse * d
-        s.sums[OVERLAP] = wp.max(s.sums[OVERLAP], (d - distance) / d)
-        note(s, i, j, t, e, used)
-        s.collisions[j] = s.collisions[j] + 1
-        s.last[j] = t
-        s.counts[PAIRS] = s.counts[PAIRS] + wp.int64(1)
+        """A collision of two particles, and what comes next."""
+        of_pair(s, i, j, t)
         predict(s, i, t)
         predict(s, j, t)
         play(s, i)

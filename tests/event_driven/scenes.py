@@ -20,6 +20,9 @@ def scene(
     radius: Any = RADIUS,
     restitution: float = 1.0,
     wall_restitution: float = 1.0,
+    friction: float = 0.0,
+    wall_friction: float = 0.0,
+    spin: Any = None,
     gravity: tuple[float, float, float] = (0, 0, 0),
     sides: tuple[Side, ...] = (),
     lo: tuple[float, float, float] = (-1, -1, -1),
@@ -36,12 +39,15 @@ def scene(
             "ball": Material(young=1e9, poisson=0.3, density=density),
             "wall": Material(young=1e9, poisson=0.3, density=1000),
         },
-        pairs=[
-            Pair(materials=("ball", "ball"), restitution=restitution),
-            Pair(materials=("ball", "wall"), restitution=wall_restitution),
+        pairs=more.pop("pairs", None)
+        or [
+            Pair(materials=("ball", "ball"), restitution=restitution, friction=friction),
+            Pair(materials=("ball", "wall"), restitution=wall_restitution, friction=wall_friction),
         ],
-        contact=more.pop("contact", Contact(tangential="off")),
-        particles=Explicit(position=position, velocity=velocity, radius=radius, material="ball"),
+        contact=more.pop("contact", Contact(tangential="history" if friction or wall_friction else "off")),
+        particles=Explicit(
+            position=position, velocity=velocity, radius=radius, material="ball", angular_velocity=spin
+        ),
         gravity=gravity,
         walls=more.pop("walls", [Box(kind="box", name="box", material="wall", sides=sides)] if sides else []),
         domain=Domain(lo=lo, hi=hi, periodic=periodic),

@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 import pytest
+import warp as wp
 
 import gpudem.event_driven
 from gpudem.errors import SceneError, SimulationError
 from gpudem.event_driven.engine import CHUNK, Engine
 from gpudem.event_driven.statement import Statement
-from gpudem.scene import Contact, Output, Plane
+from gpudem.scene import Contact, Output, Pair, Plane
 from tests.event_driven import scenes
 
 R = scenes.RADIUS
@@ -61,6 +62,25 @@ def clump(restitution: float):
     velocity = -3 * position + rng.normal(size=(60, 3)) * (0.1, 0, 0.1)
     return scenes.scene(position, velocity, restitution=restitution, periodic=(True, False, True),
                         lo=(-0.3, -0.1, -0.3), hi=(0.3, 0.1, 0.3), duration=20.0)  # fmt: skip
+
+
+@pytest.mark.parametrize("what", ["bouncing", "clump", "bed"])
+def test_no_collapse_is_endless_without_being_told(what):
+    # catches: a loop that goes on while time moves by the last bit, 1e-11 s in 100 000 events: neither a budget
+    # nor a least time is given here
+    bed = scenes.vibrated(restitution=0.5, wall_restitution=0.5, duration=30.0)
+    e = engine({"bouncing": bouncing(0.5), "clump": clump(0.3), "bed": bed}[what])
+    with pytest.raises(SimulationError, match=r"rests on a wall|event rate diverges"):
+        e.advance(20.0)
+    assert e.counts.events <= 50 * CHUNK
+
+
+def test_a_launch_is_bounded_by_the_kernel():
+    # catches: an endless loop in the one place that Python cannot interrupt. One launch, to the end of time
+    e = engine(clump(1.0))
+    e._status[0] = 0
+    wp.launch(e._advance, dim=1, inputs=[e._events, 1e300, 777], device="cpu")
+    assert e.counts.events == 777
 
 
 def test_inelastic_collapse_of_a_clump_is_an_error():
@@ -184,6 +204,19 @@ REFUSED = {
     "two walls of a side, one of which moves": (
         {"walls": scenes.floored(1.0, 0.1, ("zlo",))}, {}, r"walls\.floor\.vibration: .* box_zlo",
     ),
+    "a tangential restitution without friction": (
+        {}, {"tangential_restitution": 0.5}, r"tangential_restitution = 0\.5: the scene has no friction",
+    ),
+    "a tangential restitution beyond 1": (
+        {"friction": 0.3}, {"tangential_restitution": 1.5}, r"tangential_restitution = 1\.5: must be -1 to 1",
+    ),
+    "rolling friction": (
+        {
+            "contact": Contact(tangential="off", rolling="cdt"),
+            "pairs": [Pair(materials=("ball", "ball"), rolling_friction=0.1)],
+        },
+        {}, r"pairs\.rolling_friction",
+    ),
     "negative guard": ({}, {"guard": -1.0}, "guard = -1 s"),
 }  # fmt: skip
 
@@ -208,9 +241,7 @@ def _allowing(scene):
     )
 
 
-def test_friction_is_refused():
+def test_friction_without_a_rule_is_refused():
     # catches: rough contacts simulated as smooth
-    scene = scenes.scene([[0, 0, 0]], [[0, 0, 0]], contact=Contact(tangential="history"))
-    pairs = [p.model_copy(update={"friction": 0.3}) for p in scene.pairs]
-    with pytest.raises(SceneError, match=r"pairs\.friction"):
-        Statement.of(scene.replace(pairs=pairs))
+    with pytest.raises(SceneError, match=r"pairs\.friction.*tangential_restitution"):
+        Statement.of(scenes.scene([[0, 0, 0]], [[0, 0, 0]], friction=0.3))
