@@ -66,8 +66,8 @@ def clump(restitution: float):
 
 @pytest.mark.parametrize("what", ["bouncing", "clump", "bed"])
 def test_no_collapse_is_endless_without_being_told(what):
-    # catches: a loop that goes on while time moves by the last bit, 1e-11 s in 100 000 events: neither a budget
-    # nor a least time is given here
+    # catches: a loop that goes on while time moves by the last bit, 1e-11 s in 100 000 events: neither a
+    # budget nor a least time is given here
     bed = scenes.vibrated(restitution=0.5, wall_restitution=0.5, duration=30.0)
     e = engine({"bouncing": bouncing(0.5), "clump": clump(0.3), "bed": bed}[what])
     with pytest.raises(SimulationError, match=r"rests on a wall|event rate diverges"):
