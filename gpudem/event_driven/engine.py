@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import warp as wp
@@ -10,6 +10,7 @@ import warp as wp
 from gpudem.device import find_device
 from gpudem.errors import SimulationError
 from gpudem.event_driven import events as k
+from gpudem.event_driven.all_pairs import all_pairs
 from gpudem.event_driven.kernels import kernels
 from gpudem.event_driven.statement import SIDES, Statement, Walls
 
@@ -64,15 +65,28 @@ class Engine:
         statement: Particles, walls, restitutions.
         cell_edge: Edge of a cell [m]; default 1.4 of the largest diameter.
         log: How many collisions to log, from the first.
+        search: How the next event is found. "tree": O(log N), the engine. For comparisons of cost "scan": the
+            same cells and predictions, the earliest of all particles, O(N); "pairs": all pairs, O(N^2).
+
+    Raises:
+        SimulationError: cells smaller than a particle; "pairs" with periodic sides.
     """
 
-    def __init__(self, statement: Statement, cell_edge: float | None = None, log: int = 0):
+    def __init__(
+        self,
+        statement: Statement,
+        cell_edge: float | None = None,
+        log: int = 0,
+        search: Literal["tree", "scan", "pairs"] = "tree",
+    ):
         self.statement, self.n = statement, len(statement.radius)
         self._device = find_device("cpu")
-        self._start, self._advance = kernels(
-            saw=any(walls.stroke.any() for _, _, walls in statement.segments),
-            rough=statement.rough,
-        )
+        saw = any(bool(walls.stroke.any()) for _, _, walls in statement.segments)
+        self._start, self._advance = kernels(saw, statement.rough, search != "scan")
+        if search == "pairs":
+            if statement.periodic.any():
+                raise SimulationError("search = 'pairs': sees no images over periodic sides")
+            self._advance = all_pairs(saw, statement.rough)
         diameter = 2 * float(statement.radius.max())
         edge = EDGE * diameter if cell_edge is None else cell_edge
         if edge < diameter:
@@ -227,7 +241,7 @@ class Engine:
         leaves = 2
         while leaves < n:
             leaves *= 2
-        e.leaves, e.log_size, e.guard = leaves, log, s.guard
+        e.n, e.leaves, e.log_size, e.guard = n, leaves, log, s.guard
         e.gravity, e.lo, e.edge = wp.vec3d(s.gravity), wp.vec3d(s.lo), wp.vec3d(self.edge)
         e.size, e.cells = wp.vec3d(s.hi - s.lo), wp.vec3i(*self.cells.tolist())
         e.reach, e.periodic = (

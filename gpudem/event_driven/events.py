@@ -29,6 +29,7 @@ class Events:
     periodic: wp.vec3i
     guard: wp.float64  # t_c [s]: an encounter sooner than this after the last is elastic
     tangential: wp.float64  # beta0 of rough spheres
+    n: wp.int32
     leaves: wp.int32  # of the tree, a power of two
     log_size: wp.int32
     # walls, by side
@@ -90,41 +91,6 @@ def fall_time(h: real, w: real, a: real):
     if q < real(0.0):
         return FAR
     return real(2.0) * h / (wp.sqrt(q) - w)
-
-
-@wp.func
-def saw_time(t: real, h: real, w: real, a: real, speed: real, stroke: real):
-    """First time from t at which a surface meets a wall at U (t mod A/U); FAR if never.
-
-    h, w, a: its height over the wall's lowest place, its velocity and acceleration away from the wall. In a
-    tooth the wall has no acceleration: one quadratic. A flight above the stroke is skipped in closed form.
-    Who is within the stroke as a tooth begins is hit in it or leaves it upwards, and comes down at most once:
-    fewer than 8 teeth are looked at, however slow and far the particle. -1: that was wrong.
-    """
-    period = stroke / speed
-    k = wp.floor(t / period)
-    if (k + real(1.0)) * period <= t:  # rounding of t / period: the wall is at its lowest again
-        k = k + real(1.0)
-    begin = real(0.0)
-    teeth = wp.int32(8)
-    for _tooth in range(teeth):
-        above = h + begin * (w + real(0.5) * a * begin) - stroke
-        if above > real(0.0):
-            fall = fall_time(above, w + a * begin, a)
-            if fall >= FAR:
-                return FAR
-            begin = begin + fall
-            k = wp.max(k, wp.floor((t + begin) / period))
-            if (k + real(1.0)) * period <= t + begin:
-                k = k + real(1.0)
-        end = (k + real(1.0)) * period - t
-        gap = h + begin * (w + real(0.5) * a * begin) - speed * (t + begin - k * period)
-        after = begin + fall_time(gap, w + a * begin - speed, a)
-        if after <= end:
-            return t + after
-        begin = end
-        k = k + real(1.0)
-    return real(-1.0)
 
 
 @wp.func

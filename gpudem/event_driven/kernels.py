@@ -24,7 +24,6 @@ from gpudem.event_driven.events import (
     LOST,
     NOBODY,
     STALE,
-    UNSEEN,
     WALL,
     Events,
     bring,
@@ -32,12 +31,12 @@ from gpudem.event_driven.events import (
     link,
     meeting_time,
     real,
-    saw_time,
     unlink,
     vec3,
     wrapped,
 )
 from gpudem.event_driven.rules import rules
+from gpudem.event_driven.walls import wall_prediction
 
 
 @wp.func
@@ -122,47 +121,34 @@ def play(s: Events, i: int):
 
 
 @functools.cache
-def kernels(saw: bool, rough: bool) -> tuple[Any, Any]:
+def kernels(saw: bool, rough: bool, tree: bool = True) -> tuple[Any, Any]:
     """(start, advance): first prediction of all particles; the loop over a bounded number of events.
 
     Args:
         saw: There is a wall whose saw-tooth has an amplitude.
         rough: Collisions have a tangential impulse, and spins are part of the state.
+        tree: Without it the earliest event is looked for among all particles: O(N) an event.
     """
+    predict_walls = wall_prediction(saw)
     of_wall, of_pair = rules(saw, rough)
 
     @wp.func
-    def wall_time(s: Events, i: int, side: int, t: real, h: real, w: real, a: real):
-        """When i, whose clock is t, meets the wall of a side; h: its distance from the wall's place."""
-        if wp.static(saw):
-            if s.wall_stroke[side] > real(0.0):
-                after = saw_time(t, h, w, a, s.wall_speed[side], s.wall_stroke[side])
-                if after < real(0.0):
-                    s.status[0] = UNSEEN
-                    s.status[1] = i
-                return after
-        return t + fall_time(h, w, a)
+    def enter(s: Events, i: int):
+        """The times of i have changed."""
+        if wp.static(tree):
+            play(s, i)
 
     @wp.func
-    def predict_walls(s: Events, i: int, t: real, known: real):
-        """Earliest wall that i, whose clock is t, reaches, if before `known`."""
-        x, v, radius = s.x[i], s.v[i], s.radius[i]
-        best = known + real(0.0)
-        partner = wp.int32(NOBODY)
-        for axis in range(3):
-            if s.wall[2 * axis] > 0:
-                h = x[axis] - s.wall_at[2 * axis] - radius
-                after = wall_time(s, i, 2 * axis, t, h, v[axis], s.gravity[axis])
-                if after < best:
-                    best = after
-                    partner = WALL - 2 * axis
-            if s.wall[2 * axis + 1] > 0:
-                h = s.wall_at[2 * axis + 1] - x[axis] - radius
-                after = wall_time(s, i, 2 * axis + 1, t, h, -v[axis], -s.gravity[axis])
-                if after < best:
-                    best = after
-                    partner = WALL - (2 * axis + 1)
-        return best, partner
+    def earliest(s: Events):
+        """Whose event is the first of all; of two at once, the lower number."""
+        first = wp.int32(0)
+        if wp.static(tree):
+            first = s.winner[1]
+        else:
+            for i in range(1, s.n):
+                if s.time[i] < s.time[first]:
+                    first = i
+        return first
 
     @wp.func
     def predict(s: Events, i: int, t: real):
@@ -206,7 +192,7 @@ def kernels(saw: bool, rough: bool) -> tuple[Any, Any]:
             s.partner[i] = partner
             s.partner_collisions[i] = s.collisions[partner]
         predict_crossing(s, i, t)
-        play(s, i)
+        enter(s, i)
         s.counts[CROSSINGS] = s.counts[CROSSINGS] + wp.int64(1)
 
     @wp.func
@@ -215,7 +201,7 @@ def kernels(saw: bool, rough: bool) -> tuple[Any, Any]:
         of_wall(s, i, side, t)
         if s.status[0] == BUSY:
             predict(s, i, t)
-            play(s, i)
+            enter(s, i)
 
     @wp.func
     def hit_pair(s: Events, i: int, j: int, t: real):
@@ -223,8 +209,8 @@ def kernels(saw: bool, rough: bool) -> tuple[Any, Any]:
         of_pair(s, i, j, t)
         predict(s, i, t)
         predict(s, j, t)
-        play(s, i)
-        play(s, j)
+        enter(s, i)
+        enter(s, j)
 
     @wp.kernel(module="unique", enable_backward=False)
     def start(s: Events, t: real, n: int):
@@ -249,7 +235,7 @@ def kernels(saw: bool, rough: bool) -> tuple[Any, Any]:
     def advance(s: Events, t_stop: real, events: int):
         """Event after event to t_stop, at most so many."""
         for _k in range(events):
-            i = s.winner[1]
+            i = earliest(s)
             t = s.time[i]
             if t > t_stop:
                 s.status[0] = DONE
@@ -265,7 +251,7 @@ def kernels(saw: bool, rough: bool) -> tuple[Any, Any]:
                 s.counts[STALE] = s.counts[STALE] + wp.int64(1)
                 bring(s, i, t)
                 predict(s, i, t)
-                play(s, i)
+                enter(s, i)
             else:
                 hit_pair(s, i, partner, t)
             if s.status[0] != BUSY:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gpudem.errors import SimulationError
 from gpudem.event_driven.engine import Engine
 from gpudem.event_driven.oracle import Slow
 from gpudem.event_driven.statement import Statement
@@ -155,6 +156,29 @@ def test_independent_of_the_size_of_the_cells(name, cells):
     assert len(one.log[0]) == 200
     assert sequence(one) == sequence(other)
     np.testing.assert_allclose(one.log[1], other.log[1], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("search", ["scan", "pairs"])
+@pytest.mark.parametrize("name", [name for name in SCENES if "periodic" not in name])
+def test_the_slow_searches_find_the_same_events(name, search):
+    # catches: a rung of the ladder that computes something else than the one it is compared with
+    make, how = SCENES[name]
+    statement = Statement.of(make(), **how)
+    one, other = Engine(statement, log=200), Engine(statement, log=200, search=search)
+    one.advance(0.3)
+    other.advance(0.3)
+    assert len(one.log[0]) >= 100
+    assert sequence(one) == sequence(other)
+    np.testing.assert_allclose(one.log[1], other.log[1], rtol=0, atol=0 if search == "scan" else 1e-12)
+
+
+def test_all_pairs_refuse_periodic_sides_and_lose_no_particle():
+    # catches: images that are not looked at; a particle that leaves unseen, as without cells none crosses
+    with pytest.raises(SimulationError, match="no images over periodic sides"):
+        Engine(Statement.of(scenes.gas(8, edge=0.12)), search="pairs")
+    x, v = [[0, 0, 0], [-0.5, 0, 0], [-0.4, 0, 0]], [[0, 0, 2], [0, 0, 0], [-0.1, 0, 0]]
+    with pytest.raises(SimulationError, match=r"particle 1 left the domain by zhi"):
+        Engine(Statement.of(scenes.scene(x, v)), search="pairs").advance(1.0)
 
 
 def test_independent_of_how_often_it_is_looked_at():
