@@ -99,6 +99,7 @@ class Engine:
         self.cells = cells.astype(int)
         self.edge = extent / self.cells
         self._segment = -1
+        self.shut = np.zeros(6, np.int32)
         self._end, self.time = 0.0, 0.0
         self._allocate(log)
         self._next_segment()
@@ -314,3 +315,4 @@ class Engine:
         edges = np.stack([s.lo, s.hi], axis=1).ravel()
         outwards = np.array([-1.0, 1.0] * 3)
         self._shut[:] = walls.present & ((walls.at - edges) * outwards <= 0)
+        self.shut = self._shut.copy()
