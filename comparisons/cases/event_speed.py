@@ -172,8 +172,8 @@ CASE = Case(
                 name=f"{TITLES[search]}: exponent of the time per event against N, late",
                 measure=lambda r, s=search: growth(r, s), tolerance=want + 0.5, lo=want - 0.35, unit="1",
                 against=TITLES[search], mark="A", needs=(),
-                reason="less where what does not grow is still a share; more where the particles leave the first"
-                " cache (at some 800 disks), which makes a look at one 1.4 times as dear: 0.3 over 300 to 1000",
+                reason="less where what does not grow is still a share; more where the particles leave the"
+                " first cache, at some 800 disks: a look at one costs 1.4 times, 0.3 over 300 to 1000",
                 catches="a rung of the ladder that is another than it is called",
             )
             for search, want in EXPONENTS.items()
