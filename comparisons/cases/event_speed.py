@@ -172,8 +172,8 @@ CASE = Case(
         Check(
             name="tree: exponent of the time per event against N", measure=lambda r: growth(r, "tree"),
             tolerance=0.35, unit="1", against="O(log N)", mark="A", needs=(), lo=-0.1,
-            reason="log N alone is some 0.1 here; beyond 10 000 disks the particles no longer fit into the"
-            " caches, each event waits for memory, and that adds as much again",
+            reason="a match in the tree is cheap beside a collision: nearly flat up to 10 000 disks; beyond,"
+            " they outgrow the caches and each event waits for memory, some N^0.5: 0.1 to 0.15 over all",
             catches="a loop over all particles in an event",
         ),
         *(
