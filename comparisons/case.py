@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, Literal
 
+from gpudem.errors import GpudemError
 from gpudem.run import Run
 from gpudem.scene import Scene
 
@@ -21,6 +22,10 @@ Mark = Literal["A", "P", "X", "R"]
 
 #: Where a figure or table stands in the report: with its case, or in a section that collects from all cases.
 Section = Literal["case", "lead", "advice", "work_precision", "speed", "limits", "leaves_out"]
+
+
+class Unmeasured(GpudemError):
+    """A measure's tool is not on this machine: the check, figure or table is left out, and says so."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from comparisons import codes
-from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier
+from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Unmeasured
 from comparisons.results import Artefact, CheckResult, Status
 from gpudem.errors import GpudemError
 from gpudem.run import Run
@@ -73,6 +73,8 @@ class Evaluation:
                 found = {k: _number(getattr(measured, k)) for k in ("value", "measured", "expected")}
                 found["note"] = measured.note
                 status = "pass" if holds(check, found["value"]) else "fail"
+            except Unmeasured as error:
+                status, why = "left_out", str(error)
             except Exception as error:
                 status, why = "error", describe(error)
         return outcome(self.case, check, status, why, **found)
@@ -108,6 +110,8 @@ class Evaluation:
         if not status:
             try:
                 status, file = "ok", write(f"{number:02d}_{slug(item.title)}")
+            except Unmeasured as error:
+                status, why = "left_out", str(error)
             except Exception as error:
                 status, why = "error", describe(error)
         return Artefact(kind, item.title, item.caption, item.section, file, status, why, item.recorded)

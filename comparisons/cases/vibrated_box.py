@@ -11,7 +11,8 @@ from comparisons import plots, time_stepping
 from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
 from gpudem.event_driven.statement import Statement
 from gpudem.run import Run
-from gpudem.scene import Box, Contact, Domain, Explicit, Material, Output, Pair, Scene, Time
+from gpudem.scene import Box, Contact, Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
+from gpudem.sections import Vibration
 
 if TYPE_CHECKING:
     import pandas
@@ -58,7 +59,11 @@ def scene(seed: int, duration: float) -> Scene:
         contact=Contact(tangential="off"),
         particles=Explicit(position=position, velocity=velocity, radius=RADIUS, material="disk"),
         gravity=(0.0, 0.0, -GRAVITY),
-        walls=[Box(kind="box", name="box", material="wall", sides=("xlo", "xhi", "zlo"))],
+        walls=[
+            Box(kind="box", name="box", material="wall", sides=("xlo", "xhi")),
+            Plane(name="floor", material="wall", point=(0, 0, 0), normal=(0, 0, 1),
+                  vibration=Vibration(speed=FLOOR_SPEED)),
+        ],
         domain=Domain(lo=(-WIDTH / 2, -0.1, 0.0), hi=(WIDTH / 2, 0.1, 20.0)),
         time=Time(step=1e-3, duration=duration), output=Output(history_every=EVERY),
         allow=("time_step", "unusual_units"),
@@ -67,9 +72,8 @@ def scene(seed: int, duration: float) -> Scene:
 
 def variants(tier: Tier) -> list[Variant]:
     duration, seeds, _ = SIZES[tier]
-    options = {CODE: {"floor_speed": FLOOR_SPEED}}
-    starts = [Variant(f"seed_{s}", scene(s, START), (CODE,), options) for s in range(1, seeds + 1)]
-    return [Variant(STEADY, scene(1, duration), (CODE,), options), *starts]
+    starts = [Variant(f"seed_{s}", scene(s, START), (CODE,)) for s in range(1, seeds + 1)]
+    return [Variant(STEADY, scene(1, duration), (CODE,)), *starts]
 
 
 def settled(run: Run) -> dict[str, np.ndarray]:
@@ -133,7 +137,7 @@ def stepped(results: Results) -> dict[float, tuple[np.ndarray, np.ndarray]]:
     """Step [s] -> (times, mean heights) by time steps, from the start of seed 1."""
 
     def compute() -> dict[float, tuple[np.ndarray, np.ndarray]]:
-        statement = Statement.of(results["seed_1", CODE].scene, FLOOR_SPEED)
+        statement = Statement.of(results["seed_1", CODE].scene)
         return {
             step: time_stepping.mean_heights(statement, step, START, EVERY) for step in SIZES[results.tier][2]
         }

@@ -1,6 +1,6 @@
 """Hard disks and spheres from collision to collision: the exact limit of infinitely stiff contacts.
 
-    run = gpudem.event_driven.run(scene, "runs/gas", floor_speed=0.149)
+    run = gpudem.event_driven.run(scene, "runs/gas")
 
 Takes the scene of the soft solver where the physics is shared, and refuses by name what hard spheres cannot
 state.

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import warp as wp
@@ -10,11 +10,14 @@ import warp as wp
 from gpudem.device import find_device
 from gpudem.errors import SimulationError
 from gpudem.event_driven import events as k
+from gpudem.event_driven.all_pairs import all_pairs
 from gpudem.event_driven.kernels import kernels
 from gpudem.event_driven.statement import SIDES, Statement, Walls
 
 #: Events of one launch, some 40 ms: time to look at the clock, for Ctrl-C and for progress.
 CHUNK = 100_000
+#: A chunk of events that takes less than this share of the scene's duration is a diverging event rate.
+SLOWEST = 1e-7
 #: Edge of a cell by the largest diameter: fastest at some 1.4 [1.1 to 1.6 differ little].
 EDGE = 1.4
 
@@ -62,12 +65,28 @@ class Engine:
         statement: Particles, walls, restitutions.
         cell_edge: Edge of a cell [m]; default 1.4 of the largest diameter.
         log: How many collisions to log, from the first.
+        search: How the next event is found. "tree": O(log N), the engine. For comparisons of cost "scan": the
+            same cells and predictions, the earliest of all particles, O(N); "pairs": all pairs, O(N^2).
+
+    Raises:
+        SimulationError: cells smaller than a particle; "pairs" with periodic sides.
     """
 
-    def __init__(self, statement: Statement, cell_edge: float | None = None, log: int = 0):
+    def __init__(
+        self,
+        statement: Statement,
+        cell_edge: float | None = None,
+        log: int = 0,
+        search: Literal["tree", "scan", "pairs"] = "tree",
+    ):
         self.statement, self.n = statement, len(statement.radius)
         self._device = find_device("cpu")
-        self._start, self._advance = kernels()
+        saw = any(bool(walls.stroke.any()) for _, _, walls in statement.segments)
+        self._start, self._advance = kernels(saw, statement.rough, search != "scan")
+        if search == "pairs":
+            if statement.periodic.any():
+                raise SimulationError("search = 'pairs': sees no images over periodic sides")
+            self._advance = all_pairs(saw, statement.rough)
         diameter = 2 * float(statement.radius.max())
         edge = EDGE * diameter if cell_edge is None else cell_edge
         if edge < diameter:
@@ -80,6 +99,7 @@ class Engine:
         self.cells = cells.astype(int)
         self.edge = extent / self.cells
         self._segment = -1
+        self.shut = np.zeros(6, np.int32)
         self._end, self.time = 0.0, 0.0
         self._allocate(log)
         self._next_segment()
@@ -90,7 +110,7 @@ class Engine:
         self,
         t: float,
         budget: int | None = None,
-        slowest: float = 0.0,
+        slowest: float | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> None:
         """Go on to time t [s].
@@ -98,13 +118,16 @@ class Engine:
         Args:
             t: Time to stop at [s], not before the present one.
             budget: Most events that the whole run may take.
-            slowest: Least time [s] that CHUNK events (or 100 a particle) must take.
+            slowest: Least time [s] that CHUNK events (or 100 a particle) must take; default: SLOWEST of the
+                scene's duration.
             progress: Called with the time [s] after every chunk.
 
         Raises:
             SimulationError: the event rate diverges or the budget is spent; a particle left the domain or
                 rests on a wall.
         """
+        if slowest is None:
+            slowest = SLOWEST * self.statement.segments[-1][1]
         while t > self._end and self._segment + 1 < len(self.statement.segments):
             self._to(self._end, budget, slowest, progress)
             self._next_segment()
@@ -161,6 +184,11 @@ class Engine:
                 f"particle {i + 1} rests on a wall at t = {self.time:.9g} s: hard spheres state no lasting"
                 " contact; lift it, or use the soft solver"
             )
+        if status == k.UNSEEN:
+            raise SimulationError(
+                f"particle {i + 1} finds no tooth of a vibrating wall at t = {self.time:.9g} s: the period is"
+                " too short for the clock; amplitude = 0 is that limit"
+            )
 
     # -- reading -------------------------------------------------------------------------------------------
 
@@ -171,6 +199,11 @@ class Engine:
         x, v = self._x + dt * (self._v + 0.5 * dt * g), self._v + dt * g
         s = self.statement
         return np.where(s.periodic, s.lo + (x - s.lo) % (s.hi - s.lo), x), v
+
+    @property
+    def spin(self) -> np.ndarray:
+        """Angular velocities (n, 3) [rad/s]; between smooth spheres those of the start."""
+        return (self._spin if self.statement.rough else self.statement.spin).copy()
 
     @property
     def counts(self) -> Counts:
@@ -185,8 +218,9 @@ class Engine:
     def energy(self) -> float:
         """Kinetic and potential energy [J] of the present state; potential counts from the origin."""
         x, v = self.state()
-        m = self.statement.mass
-        return float(0.5 * m @ (v * v).sum(axis=1) - m @ (x @ self.statement.gravity))
+        m, w, radius = self.statement.mass, self.spin, self.statement.radius
+        turning = 0.2 * float((m * radius**2) @ (w * w).sum(axis=1))
+        return float(0.5 * m @ (v * v).sum(axis=1) - m @ (x @ self.statement.gravity)) + turning
 
     @property
     def log(self) -> tuple[np.ndarray, np.ndarray]:
@@ -208,7 +242,7 @@ class Engine:
         leaves = 2
         while leaves < n:
             leaves *= 2
-        e.leaves, e.log_size, e.guard = leaves, log, s.guard
+        e.n, e.leaves, e.log_size, e.guard = n, leaves, log, s.guard
         e.gravity, e.lo, e.edge = wp.vec3d(s.gravity), wp.vec3d(s.lo), wp.vec3d(self.edge)
         e.size, e.cells = wp.vec3d(s.hi - s.lo), wp.vec3i(*self.cells.tolist())
         e.reach, e.periodic = (
@@ -220,8 +254,14 @@ class Engine:
         self._shut = self._array("shut", np.zeros(6, np.int32), whole)
         self._wall_at = self._array("wall_at", np.zeros(6), real)
         self._wall_speed = self._array("wall_speed", np.zeros(6), real)
+        self._wall_stroke = self._array("wall_stroke", np.zeros(6), real)
         self._wall_restitution = self._array("wall_restitution", np.ones((6, len(s.restitution))), real)
         self._array("restitution", s.restitution, real)
+        if s.rough:
+            e.tangential = s.tangential
+            self._array("friction", s.friction, real)
+            self._wall_friction = self._array("wall_friction", np.zeros((6, len(s.friction))), real)
+            self._spin = self._array("spin", s.spin, wp.vec3d)
         span = s.hi - s.lo
         x = np.where(s.periodic, s.lo + (s.position - s.lo) % span, s.position)
         self._x, self._v = self._array("x", x, wp.vec3d), self._array("v", s.velocity, wp.vec3d)
@@ -259,14 +299,20 @@ class Engine:
         cell = np.floor((x - self.statement.lo) / self.edge).astype(int)
         self._cell[:] = np.clip(cell, 0, self.cells - 1)
         self._head[:] = -1
+        self._status[0] = k.BUSY
         wp.launch(
             self._start, dim=1, inputs=[self._events, begin, self.n], device=self._device, record_tape=False
         )
+        self._raise_for(int(self._status[0]), int(self._status[1]))
 
     def _set_walls(self, walls: Walls) -> None:
         s = self.statement
-        self._wall[:], self._wall_at[:], self._wall_speed[:] = walls.present, walls.at, walls.speed
+        self._wall[:], self._wall_at[:] = walls.present, walls.at
+        self._wall_speed[:], self._wall_stroke[:] = walls.speed, walls.stroke
         self._wall_restitution[:] = walls.restitution
+        if s.rough:
+            self._wall_friction[:] = walls.friction
         edges = np.stack([s.lo, s.hi], axis=1).ravel()
         outwards = np.array([-1.0, 1.0] * 3)
         self._shut[:] = walls.present & ((walls.at - edges) * outwards <= 0)
+        self.shut = self._shut.copy()

@@ -13,7 +13,7 @@ PAIRS, HITS, CROSSINGS, STALE, GUARDED = (wp.constant(k) for k in range(5))
 #: Places in `sums`: work of moving walls [J], dissipation [J], virial sum of J d [J s], largest overlap [d].
 WORK, DISSIPATED, VIRIAL, OVERLAP = (wp.constant(k) for k in range(4))
 #: Values of `status[0]`; status[1] is the particle.
-BUSY, DONE, LOST, RESTING = (wp.constant(k) for k in range(4))
+BUSY, DONE, LOST, RESTING, UNSEEN = (wp.constant(k) for k in range(5))
 
 
 @wp.struct
@@ -28,15 +28,22 @@ class Events:
     reach: wp.vec3i  # 1 along axes with motion, 0 along the axis that a layer of disks does not leave
     periodic: wp.vec3i
     guard: wp.float64  # t_c [s]: an encounter sooner than this after the last is elastic
+    tangential: wp.float64  # beta0 of rough spheres
+    n: wp.int32
     leaves: wp.int32  # of the tree, a power of two
     log_size: wp.int32
     # walls, by side
     wall: wp.array(dtype=wp.int32)
     wall_at: wp.array(dtype=wp.float64)
-    wall_speed: wp.array(dtype=wp.float64)  # of the fast floor along its normal [m/s]
+    wall_speed: wp.array(dtype=wp.float64)  # U of a vibrating wall along its normal [m/s]
+    wall_stroke: wp.array(dtype=wp.float64)  # A of its saw-tooth [m]; 0: the fast floor, or a wall at rest
     shut: wp.array(dtype=wp.int32)  # no centre can come to this side of the cells
     wall_restitution: wp.array2d(dtype=wp.float64)  # side, material
     restitution: wp.array2d(dtype=wp.float64)  # material, material
+    # of rough spheres alone
+    wall_friction: wp.array2d(dtype=wp.float64)  # side, material
+    friction: wp.array2d(dtype=wp.float64)  # material, material
+    spin: wp.array(dtype=wp.vec3d)  # by particle [rad/s]
     # particles
     x: wp.array(dtype=wp.vec3d)
     v: wp.array(dtype=wp.vec3d)

@@ -19,20 +19,12 @@ import warp as wp
 from gpudem.event_driven.events import (
     BUSY,
     CROSSINGS,
-    DISSIPATED,
     DONE,
     FAR,
-    GUARDED,
-    HITS,
     LOST,
     NOBODY,
-    OVERLAP,
-    PAIRS,
-    RESTING,
     STALE,
-    VIRIAL,
     WALL,
-    WORK,
     Events,
     bring,
     fall_time,
@@ -43,6 +35,8 @@ from gpudem.event_driven.events import (
     vec3,
     wrapped,
 )
+from gpudem.event_driven.rules import rules
+from gpudem.event_driven.walls import wall_prediction
 
 
 @wp.func
@@ -77,28 +71,6 @@ def scan(s: Events, i: int, t: real, first: wp.vec3i, end: wp.vec3i, known: real
                             best = after
                             partner = j
                         j = s.next[j]
-    return best, partner
-
-
-@wp.func
-def predict_walls(s: Events, i: int, t: real, known: real):
-    """Earliest wall that i, whose clock is t, reaches, if before `known`."""
-    x, v, radius = s.x[i], s.v[i], s.radius[i]
-    best = known + real(0.0)
-    partner = wp.int32(NOBODY)
-    for axis in range(3):
-        if s.wall[2 * axis] > 0:
-            h = x[axis] - s.wall_at[2 * axis] - radius
-            after = t + fall_time(h, v[axis], s.gravity[axis])
-            if after < best:
-                best = after
-                partner = WALL - 2 * axis
-        if s.wall[2 * axis + 1] > 0:
-            h = s.wall_at[2 * axis + 1] - x[axis] - radius
-            after = t + fall_time(h, -v[axis], -s.gravity[axis])
-            if after < best:
-                best = after
-                partner = WALL - (2 * axis + 1)
     return best, partner
 
 
@@ -148,140 +120,99 @@ def play(s: Events, i: int):
         s.winner[node] = won
 
 
-@wp.func
-def predict(s: Events, i: int, t: real):
-    """All next events of i, whose clock is t; enters the earliest into the tree."""
-    best, partner = scan(s, i, t, -s.reach, s.reach, FAR)
-    sooner, side = predict_walls(s, i, t, best)
-    if side != NOBODY:
-        partner = side
-    s.hit_time[i] = sooner
-    s.partner[i] = partner
-    if partner >= 0:
-        s.partner_collisions[i] = s.collisions[partner]
-    predict_crossing(s, i, t)
-
-
-@wp.func
-def cross(s: Events, i: int, t: real):
-    """Particle i enters the next cell and looks at the cells that come within its reach."""
-    side = s.cross_side[i]
-    axis = side // 2
-    step = 2 * (side % 2) - 1
-    bring(s, i, t)
-    c = s.cell[i]
-    to = wrapped(c[axis] + step, s.cells[axis], s.periodic[axis])
-    if to < 0:
-        s.status[0] = LOST
-        s.status[1] = i
-        return
-    if to != c[axis] + step:
-        x = s.x[i]
-        x[axis] = x[axis] - real(step) * s.size[axis]
-        s.x[i] = x
-    unlink(s, i)
-    c[axis] = to
-    link(s, i, c)
-    first, end = -s.reach, wp.vec3i(s.reach[0], s.reach[1], s.reach[2])
-    first[axis] = step
-    end[axis] = step
-    best, partner = scan(s, i, t, first, end, s.hit_time[i])
-    if partner >= 0:
-        s.hit_time[i] = best
-        s.partner[i] = partner
-        s.partner_collisions[i] = s.collisions[partner]
-    predict_crossing(s, i, t)
-    play(s, i)
-    s.counts[CROSSINGS] = s.counts[CROSSINGS] + wp.int64(1)
-
-
-@wp.func
-def guarded(s: Events, i: int, t: real, e: real):
-    """Restitution after the TC model, for i."""
-    if t - s.last[i] < s.guard:
-        return real(1.0)
-    return e
-
-
-@wp.func
-def note(s: Events, i: int, partner: int, t: real, e: real, used: real):
-    """Log and count a collision of i."""
-    done = wp.int32(s.counts[PAIRS] + s.counts[HITS])
-    if done < s.log_size:
-        s.log[done] = wp.vec2i(i, partner)
-        s.log_time[done] = t
-    if used != e:
-        s.counts[GUARDED] = s.counts[GUARDED] + wp.int64(1)
-    s.collisions[i] = s.collisions[i] + 1
-    s.last[i] = t
-
-
-@wp.func
-def hit_wall(s: Events, i: int, side: int, t: real):
-    """The rule of the fast floor, v' = (1 + e) U - e v along the normal; U = 0 is a wall at rest."""
-    bring(s, i, t)
-    axis = side // 2
-    sign = real(1 - 2 * (side % 2))
-    v = s.v[i]
-    speed = s.wall_speed[side]
-    w = sign * v[axis]
-    if w >= real(0.0) and speed <= real(0.0):
-        s.status[0] = RESTING
-        s.status[1] = i
-        return
-    e = s.wall_restitution[side, s.material[i]]
-    used = guarded(s, i, t, e)
-    dw = (real(1.0) + used) * (speed - w)
-    v[axis] = v[axis] + sign * dw
-    s.v[i] = v
-    lost = real(0.5) * s.mass[i] * (real(1.0) - used * used) * (w - speed) * (w - speed)
-    s.sums[WORK] = s.sums[WORK] + s.mass[i] * dw * speed
-    s.sums[DISSIPATED] = s.sums[DISSIPATED] + lost
-    note(s, i, WALL - side, t, e, used)
-    s.counts[HITS] = s.counts[HITS] + wp.int64(1)
-    predict(s, i, t)
-    play(s, i)
-
-
-@wp.func
-def hit_pair(s: Events, i: int, j: int, t: real):
-    """Smooth spheres: J = -(1 + e) m* u_n along the line of centres."""
-    bring(s, i, t)
-    bring(s, j, t)
-    r = s.x[i] - s.x[j]
-    for axis in range(3):
-        if s.periodic[axis] > 0:
-            r[axis] = r[axis] - s.size[axis] * wp.round(r[axis] / s.size[axis])
-    distance = wp.length(r)
-    normal = r / distance
-    w = wp.dot(normal, s.v[i] - s.v[j])
-    d = s.radius[i] + s.radius[j]
-    e = s.restitution[s.material[i], s.material[j]]
-    used = guarded(s, j, t, guarded(s, i, t, e))
-    reduced = s.mass[i] * s.mass[j] / (s.mass[i] + s.mass[j])
-    impulse = wp.max(-(real(1.0) + used) * reduced * w, real(0.0))  # grazing: rounding must not pull
-    s.v[i] = s.v[i] + (impulse / s.mass[i]) * normal
-    s.v[j] = s.v[j] - (impulse / s.mass[j]) * normal
-    if w < real(0.0):
-        lost = real(0.5) * reduced * (real(1.0) - used * used) * w * w
-        s.sums[DISSIPATED] = s.sums[DISSIPATED] + lost
-    s.sums[VIRIAL] = s.sums[VIRIAL] + impulse * d
-    s.sums[OVERLAP] = wp.max(s.sums[OVERLAP], (d - distance) / d)
-    note(s, i, j, t, e, used)
-    s.collisions[j] = s.collisions[j] + 1
-    s.last[j] = t
-    s.counts[PAIRS] = s.counts[PAIRS] + wp.int64(1)
-    predict(s, i, t)
-    predict(s, j, t)
-    play(s, i)
-    play(s, j)
-
-
 @functools.cache
-def kernels() -> tuple[Any, Any]:
-    """(start, advance): first prediction of all particles; the loop over a bounded number of events."""
+def kernels(saw: bool, rough: bool, tree: bool = True) -> tuple[Any, Any]:
+    """(start, advance): first prediction of all particles; the loop over a bounded number of events.
 
-    @wp.kernel(enable_backward=False)
+    Args:
+        saw: There is a wall whose saw-tooth has an amplitude.
+        rough: Collisions have a tangential impulse, and spins are part of the state.
+        tree: Without it the earliest event is looked for among all particles: O(N) an event.
+    """
+    predict_walls = wall_prediction(saw)
+    of_wall, of_pair = rules(saw, rough)
+
+    @wp.func
+    def enter(s: Events, i: int):
+        """The times of i have changed."""
+        if wp.static(tree):
+            play(s, i)
+
+    @wp.func
+    def earliest(s: Events):
+        """Whose event is the first of all; of two at once, the lower number."""
+        first = wp.int32(0)
+        if wp.static(tree):
+            first = s.winner[1]
+        else:
+            for i in range(1, s.n):
+                if s.time[i] < s.time[first]:
+                    first = i
+        return first
+
+    @wp.func
+    def predict(s: Events, i: int, t: real):
+        """All next events of i, whose clock is t; enters the earliest into the tree."""
+        best, partner = scan(s, i, t, -s.reach, s.reach, FAR)
+        sooner, side = predict_walls(s, i, t, best)
+        if side != NOBODY:
+            partner = side
+        s.hit_time[i] = sooner
+        s.partner[i] = partner
+        if partner >= 0:
+            s.partner_collisions[i] = s.collisions[partner]
+        predict_crossing(s, i, t)
+
+    @wp.func
+    def cross(s: Events, i: int, t: real):
+        """Particle i enters the next cell and looks at the cells that come within its reach."""
+        side = s.cross_side[i]
+        axis = side // 2
+        step = 2 * (side % 2) - 1
+        bring(s, i, t)
+        c = s.cell[i]
+        to = wrapped(c[axis] + step, s.cells[axis], s.periodic[axis])
+        if to < 0:
+            s.status[0] = LOST
+            s.status[1] = i
+            return
+        if to != c[axis] + step:
+            x = s.x[i]
+            x[axis] = x[axis] - real(step) * s.size[axis]
+            s.x[i] = x
+        unlink(s, i)
+        c[axis] = to
+        link(s, i, c)
+        first, end = -s.reach, wp.vec3i(s.reach[0], s.reach[1], s.reach[2])
+        first[axis] = step
+        end[axis] = step
+        best, partner = scan(s, i, t, first, end, s.hit_time[i])
+        if partner >= 0:
+            s.hit_time[i] = best
+            s.partner[i] = partner
+            s.partner_collisions[i] = s.collisions[partner]
+        predict_crossing(s, i, t)
+        enter(s, i)
+        s.counts[CROSSINGS] = s.counts[CROSSINGS] + wp.int64(1)
+
+    @wp.func
+    def hit_wall(s: Events, i: int, side: int, t: real):
+        """A collision with a wall, and what comes next."""
+        of_wall(s, i, side, t)
+        if s.status[0] == BUSY:
+            predict(s, i, t)
+            enter(s, i)
+
+    @wp.func
+    def hit_pair(s: Events, i: int, j: int, t: real):
+        """A collision of two particles, and what comes next."""
+        of_pair(s, i, j, t)
+        predict(s, i, t)
+        predict(s, j, t)
+        enter(s, i)
+        enter(s, j)
+
+    @wp.kernel(module="unique", enable_backward=False)
     def start(s: Events, t: real, n: int):
         """Bring all to t, put them into their cells, predict, fill the tree."""
         for i in range(n):
@@ -300,11 +231,11 @@ def kernels() -> tuple[Any, Any]:
             if s.time[b] < s.time[a]:
                 s.winner[node] = b
 
-    @wp.kernel(enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False)
     def advance(s: Events, t_stop: real, events: int):
         """Event after event to t_stop, at most so many."""
         for _k in range(events):
-            i = s.winner[1]
+            i = earliest(s)
             t = s.time[i]
             if t > t_stop:
                 s.status[0] = DONE
@@ -320,7 +251,7 @@ def kernels() -> tuple[Any, Any]:
                 s.counts[STALE] = s.counts[STALE] + wp.int64(1)
                 bring(s, i, t)
                 predict(s, i, t)
-                play(s, i)
+                enter(s, i)
             else:
                 hit_pair(s, i, partner, t)
             if s.status[0] != BUSY:

@@ -22,6 +22,7 @@ class Slow:
     def __post_init__(self) -> None:
         s = self.statement
         self.x, self.v, self.time = s.position.copy(), s.velocity.copy(), 0.0
+        self.spin, self.inertia = s.spin.copy(), 2 / 5 * s.mass * s.radius**2
         self.last = np.full(len(s.radius), -np.inf)
         self.log: list[tuple[float, int, int]] = []
         self.work = self.dissipated = 0.0
@@ -55,7 +56,8 @@ class Slow:
     def energy(self) -> float:
         """Kinetic and potential energy [J]."""
         m = self.statement.mass
-        return float(0.5 * m @ (self.v * self.v).sum(axis=1) - m @ (self.x @ self.statement.gravity))
+        moving = 0.5 * m @ (self.v**2).sum(axis=1) + 0.5 * self.inertia @ (self.spin**2).sum(axis=1)
+        return float(moving - m @ (self.x @ self.statement.gravity))
 
     def _fly(self, dt: float) -> None:
         g = self.statement.gravity
@@ -85,7 +87,8 @@ class Slow:
             if k >= 0 and t[k] < best:
                 best, who, partner = float(t[k]), int(self._i[k]), int(self._j[k])
         for side in np.flatnonzero(walls.present).tolist():
-            t = self._wall_times(side, walls)
+            moves = walls.stroke[side] > 0
+            t = self._saw_times(side, walls, best) if moves else self._wall_times(side, walls)
             k = int(np.argmin(t))
             if t[k] < best:
                 best, who, partner = float(t[k]), k, -2 - side
@@ -112,38 +115,86 @@ class Slow:
             times[i] = min(down, default=np.inf)
         return times
 
-    def _restitution(self, e: float, *partners: int) -> float:
-        if min(self.time - self.last[p] for p in partners) < self.statement.guard:
-            self.guarded += e != 1
-            return 1.0
-        return e
+    def _saw_times(self, side: int, walls: Walls, until: float) -> np.ndarray:
+        """Roots of h + w t + a t^2/2 = U (t - k T) within tooth k: tooth after tooth, to the first hit."""
+        s, sign = self.statement, 1 - 2 * (side % 2)
+        h = (self.x[:, side // 2] - walls.at[side]) * sign - s.radius
+        w, a = self.v[:, side // 2] * sign, s.gravity[side // 2] * sign
+        speed, period = float(walls.speed[side]), float(walls.stroke[side] / walls.speed[side])
+        k, times = np.floor(self.time / period), np.full(len(h), np.inf)
+        until = min(until, s.segments[-1][1] - self.time)
+        while k * period - self.time <= until and not np.isfinite(times).any():
+            begin, end = max(k * period - self.time, 0.0), (k + 1) * period - self.time
+            gap = h + w * begin + a * begin**2 / 2 - speed * (self.time + begin - k * period)
+            slow, length = w + a * begin - speed, end - begin
+            q = slow * slow - 2 * a * gap
+            with np.errstate(divide="ignore", invalid="ignore"):
+                roots = [(-slow + z * np.sqrt(q)) / a for z in (-1, 1)] if a else [-gap / slow] * 2
+                down = [np.where((t >= 0) & (slow + a * t < 0), t, np.inf) for t in roots]
+            first = np.where((gap <= 1e-15) & (slow < 0), 0.0, np.minimum(*down))
+            times = np.where((first <= length) & (length > 0), begin + first, np.inf)
+            k += 1
+        return times
+
+    def _elastic(self, *partners: int) -> bool:
+        return min(self.time - self.last[p] for p in partners) < self.statement.guard
 
     def _hit_wall(self, i: int, side: int, walls: Walls) -> None:
-        s, axis, sign = self.statement, side // 2, 1 - 2 * (side % 2)
-        e = self._restitution(float(walls.restitution[side, s.material[i]]), i)
-        speed, w = float(walls.speed[side]), float(self.v[i, axis] * sign)
-        after = (1 + e) * speed - e * w
-        self.v[i, axis] = sign * after
-        work = s.mass[i] * (after - w) * speed
-        self.work += work
-        self.dissipated += work - 0.5 * s.mass[i] * (after * after - w * w)
-        self.last[i] = self.time
+        s, normal = self.statement, np.zeros(3)
+        normal[side // 2] = 1 - 2 * (side % 2)
+        e, mu = float(walls.restitution[side, s.material[i]]), float(walls.friction[side, s.material[i]])
+        motion = float(walls.speed[side]) * normal
+        before = self._moving(i)
+        impulse = self._impulse(e, mu, normal, motion, i)
+        self.work += float(impulse @ motion)
+        self.dissipated += float(impulse @ motion) - (self._moving(i) - before)
         self.log.append((self.time, i, -2 - side))
 
     def _hit_pair(self, i: int, j: int) -> None:
         s = self.statement
-        e = self._restitution(float(s.restitution[s.material[i], s.material[j]]), i, j)
+        e, mu = (float(a[s.material[i], s.material[j]]) for a in (s.restitution, s.friction))
         k = int(np.flatnonzero((self._i == i) & (self._j == j))[0])
         r = self._separation()[k]
-        n = r / np.linalg.norm(r)
-        m = s.mass[i] * s.mass[j] / (s.mass[i] + s.mass[j])
-        w = float(n @ (self.v[i] - self.v[j]))
-        impulse = -(1 + e) * m * w
-        before = s.mass[i] * self.v[i] @ self.v[i] + s.mass[j] * self.v[j] @ self.v[j]
-        self.v[i] += impulse / s.mass[i] * n
-        self.v[j] -= impulse / s.mass[j] * n
-        self.dissipated += 0.5 * float(
-            before - s.mass[i] * self.v[i] @ self.v[i] - s.mass[j] * self.v[j] @ self.v[j]
-        )
-        self.last[i] = self.last[j] = self.time
+        before = self._moving(i, j)
+        self._impulse(e, mu, r / np.linalg.norm(r), np.zeros(3), i, j)
+        self.dissipated += before - self._moving(i, j)
         self.log.append((self.time, i, j))
+
+    def _moving(self, *who: int) -> float:
+        """Kinetic energy [J] of some."""
+        m, k = self.statement.mass, list(who)
+        return float(
+            0.5 * m[k] @ (self.v[k] ** 2).sum(axis=1)
+            + 0.5 * self.inertia[k] @ (self.spin[k] ** 2).sum(axis=1)
+        )
+
+    def _impulse(
+        self, e: float, mu: float, normal: np.ndarray, motion: np.ndarray, i: int, j: int | None = None
+    ) -> np.ndarray:
+        """Impulse [N s] on i: what makes the velocity of the point of contact what the rule says.
+
+        The change by an impulse is a matrix at that point: 1/m + (R n) x ( . ) x (R n) / I of each partner.
+        """
+        s, partners = self.statement, [i] if j is None else [i, j]
+        elastic = self._elastic(*partners)
+        self.guarded += elastic and (e != 1 or s.rough)
+        velocity, response = -motion.astype(float), np.zeros((3, 3))
+        for p, sign in zip(partners, (1.0, -1.0), strict=False):
+            arm = -sign * s.radius[p] * normal
+            velocity += sign * (self.v[p] + np.cross(self.spin[p], arm))
+            across = arm @ arm * np.eye(3) - np.outer(arm, arm)
+            response += np.eye(3) / s.mass[p] + across / self.inertia[p]
+        along = velocity @ normal * normal
+        push = np.linalg.solve(response, -(1 + (1.0 if elastic else e)) * along)
+        total = push
+        if s.rough and not elastic:
+            rub = np.linalg.solve(response, -(1 + s.tangential) * (velocity - along))
+            size = float(np.linalg.norm(rub))
+            most = mu * float(np.linalg.norm(push))
+            total = push + (rub if size <= most else rub * most / size)
+        for p, sign in zip(partners, (1.0, -1.0), strict=False):
+            arm = -sign * s.radius[p] * normal
+            self.v[p] += sign * total / s.mass[p]
+            self.spin[p] += np.cross(arm, sign * total) / self.inertia[p]
+            self.last[p] = self.time
+        return total

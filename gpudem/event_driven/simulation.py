@@ -20,15 +20,13 @@ from gpudem.scene import Scene
 #: Columns of the history beside HISTORY_COLUMNS: collisions, energies [J] and the sum of impulse times
 #: diameter over the collisions of pairs [J s], since the start.
 EVENT_COLUMNS = ("collisions", "wall_collisions", "work", "dissipated", "virial")
-#: A chunk of events that takes less than this share of the run's length is a diverging event rate.
-SLOWEST = 1e-7
 
 
 def run(
     scene: Scene,
     directory: str | Path | None = None,
     *,
-    floor_speed: float = 0.0,
+    tangential_restitution: float | None = None,
     guard: float = 0.0,
     cell_edge: float | None = None,
     budget: int | None = None,
@@ -41,8 +39,9 @@ def run(
     Args:
         scene: What to simulate.
         directory: Where frames and tables go; None keeps no frames.
-        floor_speed: U [m/s] of a floor that vibrates infinitely fast with zero amplitude: a particle that
-            comes down on the wall under gravity leaves with v' = (1 + e) U - e v. 0: a floor at rest.
+        tangential_restitution: beta0 of rough spheres (Walton), -1 to 1: a collision turns the sliding
+            velocity g of the point of contact into -beta0 g, or as far as Coulomb's mu J_n does. Scenes with
+            friction need it, others may not have it.
         guard: t_c [s] of the TC model (Luding and McNamara 1998): who meets another sooner than t_c after
             the last collision does so elastically. 0: off; a scene that collapses is then an error.
         cell_edge: Edge of a cell [m]; changes the speed alone.
@@ -58,13 +57,14 @@ def run(
     """
     began = time.perf_counter()
     path = None if directory is None else Path(directory)
-    statement = Statement.of(scene, floor_speed, guard)
+    statement = Statement.of(scene, guard, tangential_restitution)
     recorder = Recorder(scene, path)
     engine = Engine(statement, cell_edge)
     setup_s = time.perf_counter() - began
     more: list[tuple[float, ...]] = []
     seconds = {"stepping": 0.0, "output": 0.0}
-    notes: dict[str, object] = {"scene_hash": scene.hash, "floor_speed": floor_speed, "guard": guard}
+    notes: dict[str, object] = {"scene_hash": scene.hash, "guard": guard}
+    notes["tangential_restitution"] = tangential_restitution
     step = 0
 
     def keep() -> None:
@@ -85,7 +85,7 @@ def run(
             stop = min(recorder.next_after(step), scene.n_steps)
             start = time.perf_counter()
             try:
-                engine.advance(stop * scene.time.step, budget, SLOWEST * scene.time.duration, report)
+                engine.advance(stop * scene.time.step, budget, progress=report)
             finally:
                 seconds["stepping"] += time.perf_counter() - start
             step = stop
@@ -140,7 +140,7 @@ def _frame(engine: Engine, scene: Scene) -> Frame:
         "material": scene.state.material.astype(np.int32),
         "position": x,
         "velocity": v,
-        "angular_velocity": scene.state.angular_velocity.copy(),
+        "angular_velocity": engine.spin,
         "force": none,
         "torque": none,
         "radius": engine.statement.radius,

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from gpudem.scene import Box, Contact, Domain, Explicit, Material, Output, Pair, Scene, Time
-from gpudem.sections import Side
+from gpudem.scene import Box, Contact, Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
+from gpudem.sections import Side, Vibration
 
 RADIUS = 0.02
 
@@ -20,6 +20,9 @@ def scene(
     radius: Any = RADIUS,
     restitution: float = 1.0,
     wall_restitution: float = 1.0,
+    friction: float = 0.0,
+    wall_friction: float = 0.0,
+    spin: Any = None,
     gravity: tuple[float, float, float] = (0, 0, 0),
     sides: tuple[Side, ...] = (),
     lo: tuple[float, float, float] = (-1, -1, -1),
@@ -36,12 +39,15 @@ def scene(
             "ball": Material(young=1e9, poisson=0.3, density=density),
             "wall": Material(young=1e9, poisson=0.3, density=1000),
         },
-        pairs=[
-            Pair(materials=("ball", "ball"), restitution=restitution),
-            Pair(materials=("ball", "wall"), restitution=wall_restitution),
+        pairs=more.pop("pairs", None)
+        or [
+            Pair(materials=("ball", "ball"), restitution=restitution, friction=friction),
+            Pair(materials=("ball", "wall"), restitution=wall_restitution, friction=wall_friction),
         ],
-        contact=more.pop("contact", Contact(tangential="off")),
-        particles=Explicit(position=position, velocity=velocity, radius=radius, material="ball"),
+        contact=more.pop("contact", Contact(tangential="history" if friction or wall_friction else "off")),
+        particles=Explicit(
+            position=position, velocity=velocity, radius=radius, material="ball", angular_velocity=spin
+        ),
         gravity=gravity,
         walls=more.pop("walls", [Box(kind="box", name="box", material="wall", sides=sides)] if sides else []),
         domain=Domain(lo=lo, hi=hi, periodic=periodic),
@@ -68,8 +74,19 @@ def placed(
     raise ValueError("too dense to place at random")
 
 
-def vibrated(n: int = 60, seed: int = 1, **more: Any) -> Scene:
+def floored(speed: float, amplitude: float, sides: tuple[Side, ...] = (), **more: Any) -> list[Any]:
+    """Walls at the chosen sides, and a vibrating floor at z = 0 (or the plane that `more` makes of it)."""
+    floor: dict[str, Any] = {"name": "floor", "material": "wall", "point": (0, 0, 0), "normal": (0, 0, 1)}
+    moving = Plane(**(floor | {"vibration": Vibration(speed=speed, amplitude=amplitude)} | more))
+    return [*([Box(kind="box", name="box", material="wall", sides=sides)] if sides else []), moving]
+
+
+def vibrated(
+    n: int = 60, seed: int = 1, floor_speed: float = 0.0, amplitude: float = 0.0, **more: Any
+) -> Scene:
     """Disks over a floor, open above, between walls: the source's scene, smaller by default."""
+    if floor_speed > 0:
+        more = {"walls": floored(floor_speed, amplitude, ("xlo", "xhi"))} | more
     rng, width = np.random.default_rng(seed), 2.0 * n / 300
     position = placed(rng, n, (-width / 2, -1, 0), (width / 2, 1, 0.5), np.full(n, RADIUS), flat=1)
     velocity = rng.normal(size=(n, 3)) * (1, 0, 1)
@@ -80,6 +97,7 @@ def vibrated(n: int = 60, seed: int = 1, **more: Any) -> Scene:
         "lo": (-width / 2, -0.1, 0),
         "hi": (width / 2, 0.1, 12),
     }
+    position = position + np.array(more.pop("shift", (0, 0, 0)))
     return scene(position, velocity, **(known | more))
 
 

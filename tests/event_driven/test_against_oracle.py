@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gpudem.errors import SimulationError
 from gpudem.event_driven.engine import Engine
 from gpudem.event_driven.oracle import Slow
 from gpudem.event_driven.statement import Statement
@@ -16,34 +17,70 @@ GATE = [
     Box(kind="box", name="box", material="wall", sides=("xlo", "xhi", "zlo")),
     Plane(name="gate", material="wall", point=(0.25, 0, 0), normal=(-1, 0, 0), removed_at=0.05),
 ]
-#: Scene, floor speed, guard: each axis of the statement is in one of them at least.
+#: A wall at the side that gravity does not point to, and one across it: saw-teeth are no matter of the floor.
+CEILING = scenes.floored(0.3, 0.02, ("xlo", "xhi", "zlo"), point=(0, 0, 0.6), normal=(0, 0, -1))
+PISTON = scenes.floored(0.2, 0.005, ("zlo", "zhi", "xhi"), point=(0, 0, 0), normal=(1, 0, 0))
+
+
+def turning(n: int) -> np.ndarray:
+    """Spins whose surface is as fast as the spheres."""
+    return np.random.default_rng(9).normal(size=(n, 3)) / scenes.RADIUS
+
+
+#: Scene, and how it is run: each axis of the statement is in one of them at least.
 SCENES = {
-    "disks over a vibrating floor": (lambda: scenes.vibrated(), 0.149, 0.0),
-    "disks, guarded": (lambda: scenes.vibrated(restitution=0.7, wall_restitution=0.8), 0.149, 5e-3),
-    "two radii, periodic cube": (lambda: scenes.gas(restitution=0.9), 0.0, 0.0),
+    "disks over a fast floor": (lambda: scenes.vibrated(floor_speed=0.149), {}),
+    "disks over a saw-tooth": (lambda: scenes.vibrated(floor_speed=0.149, amplitude=0.012), {}),
+    "saw-tooth longer than a flight": (lambda: scenes.vibrated(floor_speed=0.4, amplitude=0.3), {}),
+    "saw-tooth ceiling": (lambda: scenes.vibrated(walls=CEILING, hi=(0.2, 0.1, 0.6)), {}),
+    "saw-tooth piston without gravity": (
+        lambda: scenes.vibrated(
+            walls=PISTON, gravity=(0, 0, 0), lo=(0, -0.1, 0), hi=(0.4, 0.1, 0.6), shift=(0.2, 0, 0)
+        ),
+        {},
+    ),
+    "disks, guarded": (
+        lambda: scenes.vibrated(floor_speed=0.149, restitution=0.7, wall_restitution=0.8), {"guard": 5e-3},
+    ),
+    "two radii, periodic cube": (lambda: scenes.gas(restitution=0.9), {}),
     "two radii, box, oblique gravity": (
         lambda: scenes.gas(
             periodic=(False, False, False), sides=WALLS, gravity=(3.0, 1.0, -9.81), wall_restitution=0.9
         ),
-        0.0,
-        0.0,
+        {},
     ),
     "periodic in one axis of two cells": (
         lambda: scenes.gas(
             8, edge=0.12, periodic=(True, False, True), sides=("ylo", "yhi"), gravity=(0, -1.0, 0)
         ),
-        0.0,
-        0.0,
+        {},
     ),
-    "gate": (lambda: scenes.vibrated(walls=GATE, hi=(0.6, 0.1, 12)), 0.0, 0.0),
-}
+    "gate": (lambda: scenes.vibrated(walls=GATE, hi=(0.6, 0.1, 12)), {}),
+    "rough, two radii, periodic cube": (
+        lambda: scenes.gas(restitution=0.9, friction=0.2, spin=turning(100)), {"tangential_restitution": 0.4},
+    ),
+    "rough disks over a saw-tooth, guarded": (
+        lambda: scenes.vibrated(
+            floor_speed=0.149, amplitude=0.012, friction=0.5, wall_friction=0.3, spin=turning(60) * (0, 1, 0),
+            restitution=0.7,
+        ),
+        {"guard": 5e-3, "tangential_restitution": 0.7},
+    ),
+    "rough, box, oblique gravity": (
+        lambda: scenes.gas(
+            periodic=(False, False, False), sides=WALLS, gravity=(0.6, 0.2, -1.5), wall_restitution=0.95,
+            friction=0.1, wall_friction=0.4, spin=turning(100),
+        ),
+        {"tangential_restitution": -0.5},
+    ),
+}  # fmt: skip
 #: Chaos multiplies rounding with every collision of a particle: few particles, fewer collisions.
 COLLISIONS = {"periodic in one axis of two cells": 35}
 
 
 def both(name: str, collisions: int, **engine: float) -> tuple[Engine, Slow]:
-    make, floor_speed, guard = SCENES[name]
-    statement = Statement.of(make(), floor_speed, guard)
+    make, how = SCENES[name]
+    statement = Statement.of(make(), **how)
     slow = Slow(statement)
     slow.advance(1.0, collisions)
     quick = Engine(statement, log=collisions, **engine)
@@ -74,11 +111,19 @@ def test_same_books(name):
     assert quick.sums.dissipated == pytest.approx(slow.dissipated, abs=1e-9)
     assert quick.counts.guarded == slow.guarded
     assert quick.energy() == pytest.approx(slow.energy(), abs=1e-9)
+    np.testing.assert_allclose(quick.spin, slow.spin, rtol=0, atol=1e-7)
 
 
-def test_the_guard_acts():
+def test_spins_change():
+    # or rough spheres were compared as smooth ones
+    quick, _ = both("rough, two radii, periodic cube", 200)
+    assert 0.5 < np.abs(quick.spin - quick.statement.spin).max() * scenes.RADIUS < 10
+
+
+@pytest.mark.parametrize("name", [name for name in SCENES if "guarded" in name])
+def test_the_guard_acts(name):
     # or the comparison above would hold without one
-    quick, _ = both("disks, guarded", 200)
+    quick, _ = both(name, 200)
     assert 5 < quick.counts.guarded < 150
 
 
@@ -102,8 +147,8 @@ def test_the_gate_holds_and_goes():
 @pytest.mark.parametrize("name", list(SCENES)[:3])
 def test_independent_of_the_size_of_the_cells(name, cells):
     # catches: a pair that comes within reach unseen after a crossing; 1000: one cell, no crossings
-    make, floor_speed, guard = SCENES[name]
-    statement = Statement.of(make(), floor_speed, guard)
+    make, how = SCENES[name]
+    statement = Statement.of(make(), **how)
     one, other = Engine(statement, log=200), Engine(statement, cells * 2 * scenes.RADIUS, log=200)
     assert one.cells.prod() != other.cells.prod()
     one.advance(0.3)
@@ -113,9 +158,32 @@ def test_independent_of_the_size_of_the_cells(name, cells):
     np.testing.assert_allclose(one.log[1], other.log[1], rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("search", ["scan", "pairs"])
+@pytest.mark.parametrize("name", [name for name in SCENES if "periodic" not in name])
+def test_the_slow_searches_find_the_same_events(name, search):
+    # catches: a rung of the ladder that computes something else than the one it is compared with
+    make, how = SCENES[name]
+    statement = Statement.of(make(), **how)
+    one, other = Engine(statement, log=200), Engine(statement, log=200, search=search)
+    one.advance(0.3)
+    other.advance(0.3)
+    assert len(one.log[0]) >= 100
+    assert sequence(one) == sequence(other)
+    np.testing.assert_allclose(one.log[1], other.log[1], rtol=0, atol=0 if search == "scan" else 1e-12)
+
+
+def test_all_pairs_refuse_periodic_sides_and_lose_no_particle():
+    # catches: images that are not looked at; a particle that leaves unseen, as without cells none crosses
+    with pytest.raises(SimulationError, match="no images over periodic sides"):
+        Engine(Statement.of(scenes.gas(8, edge=0.12)), search="pairs")
+    x, v = [[0, 0, 0], [-0.5, 0, 0], [-0.4, 0, 0]], [[0, 0, 2], [0, 0, 0], [-0.1, 0, 0]]
+    with pytest.raises(SimulationError, match=r"particle 1 left the domain by zhi"):
+        Engine(Statement.of(scenes.scene(x, v)), search="pairs").advance(1.0)
+
+
 def test_independent_of_how_often_it_is_looked_at():
     # catches: a stop that moves clocks or predicts anew and so changes the rounding
-    statement = Statement.of(scenes.vibrated(), 0.149)
+    statement = Statement.of(scenes.vibrated(floor_speed=0.149))
     one, other = Engine(statement), Engine(statement)
     one.advance(1.0)
     for k in range(1, 101):
@@ -127,8 +195,8 @@ def test_independent_of_how_often_it_is_looked_at():
 @pytest.mark.parametrize("name", SCENES)
 def test_nothing_ever_overlaps(name):
     # catches: a missed collision long after the first 200; seen by all pairs, not by the loop's own books
-    make, floor_speed, guard = SCENES[name]
-    statement = Statement.of(make(), floor_speed, guard)
+    make, how = SCENES[name]
+    statement = Statement.of(make(), **how)
     quick, look = Engine(statement), Slow(statement)
     for k in range(1, 101):
         quick.advance(k / 100)
@@ -137,6 +205,8 @@ def test_nothing_ever_overlaps(name):
         for side in np.flatnonzero(statement.segments[-1][2].present):
             walls = statement.segments[-1][2]
             depth = statement.radius - (look.x[:, side // 2] - walls.at[side]) * (1 - 2 * (side % 2))
+            if walls.stroke[side] > 0:
+                depth += walls.speed[side] * (k / 100 % (walls.stroke[side] / walls.speed[side]))
             assert depth.max() < 1e-9 * scenes.RADIUS
     assert quick.counts.pairs > 100
     assert quick.sums.overlap < 1e-9

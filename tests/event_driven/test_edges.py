@@ -6,25 +6,26 @@ import math
 
 import numpy as np
 import pytest
+import warp as wp
 
 import gpudem.event_driven
 from gpudem.errors import SceneError, SimulationError
 from gpudem.event_driven.engine import CHUNK, Engine
 from gpudem.event_driven.statement import Statement
-from gpudem.scene import Contact, Output, Plane
+from gpudem.scene import Contact, Output, Pair, Plane
 from tests.event_driven import scenes
 
 R = scenes.RADIUS
 
 
-def engine(scene, floor_speed=0.0, guard=0.0, log=100) -> Engine:
-    return Engine(Statement.of(scene, floor_speed, guard), log=log)
+def engine(scene, guard=0.0, log=100) -> Engine:
+    return Engine(Statement.of(scene, guard), log=log)
 
 
 def bouncing(e: float, height: float = 0.5, **more):
     return scenes.scene(
         [[0, 0, height + R]], [[0, 0, 0]], wall_restitution=e, gravity=(0, 0, -1), lo=(-1, -1, 0),
-        sides=("zlo",), duration=40.0, **more,
+        duration=40.0, **({"sides": ("zlo",)} | more),
     )  # fmt: skip
 
 
@@ -61,6 +62,25 @@ def clump(restitution: float):
     velocity = -3 * position + rng.normal(size=(60, 3)) * (0.1, 0, 0.1)
     return scenes.scene(position, velocity, restitution=restitution, periodic=(True, False, True),
                         lo=(-0.3, -0.1, -0.3), hi=(0.3, 0.1, 0.3), duration=20.0)  # fmt: skip
+
+
+@pytest.mark.parametrize("what", ["bouncing", "clump", "bed"])
+def test_no_collapse_is_endless_without_being_told(what):
+    # catches: a loop that goes on while time moves by the last bit, 1e-11 s in 100 000 events: neither a
+    # budget nor a least time is given here
+    bed = scenes.vibrated(restitution=0.5, wall_restitution=0.5, duration=30.0)
+    e = engine({"bouncing": bouncing(0.5), "clump": clump(0.3), "bed": bed}[what])
+    with pytest.raises(SimulationError, match=r"rests on a wall|event rate diverges"):
+        e.advance(20.0)
+    assert e.counts.events <= 50 * CHUNK
+
+
+def test_a_launch_is_bounded_by_the_kernel():
+    # catches: an endless loop in the one place that Python cannot interrupt. One launch, to the end of time
+    e = engine(clump(1.0))
+    e._status[0] = 0
+    wp.launch(e._advance, dim=1, inputs=[e._events, 1e300, 777], device="cpu")
+    assert e.counts.events == 777
 
 
 def test_inelastic_collapse_of_a_clump_is_an_error():
@@ -159,7 +179,7 @@ def test_a_ball_at_rest_on_the_floor_is_an_error():
 
 def test_the_fast_floor():
     # v' = (1 + e) U - e v; catches: U taken once, or the sign of v. And the work it does
-    e = engine(bouncing(0.5, height=0.5), floor_speed=0.3)
+    e = engine(bouncing(0.5, height=0.5, walls=scenes.floored(0.3, 0.0)))
     e.advance(1.0 + 1e-9)
     assert e.state()[1][0, 2] == pytest.approx(1.5 * 0.3 + 0.5 * 1.0, abs=1e-8)
     work = (0.95 + 1) * 0.3
@@ -178,7 +198,25 @@ OBLIQUE = Plane(name="slope", material="wall", point=(0, 0, -1), normal=(0.1, 0,
 REFUSED = {
     "an oblique wall": ({"walls": [OBLIQUE]}, {}, r"walls\.slope\.normal"),
     "restart files": ({"output": Output(restart_every=0.1)}, {}, r"output\.restart_every"),
-    "no floor to move": ({}, {"floor_speed": 0.1}, "no wall under gravity"),
+    "a vibration too fast for the clock": (
+        {"walls": scenes.floored(1.0, 1e-12)}, {}, r"walls\.floor\.vibration.*amplitude = 0 is that limit",
+    ),
+    "two walls of a side, one of which moves": (
+        {"walls": scenes.floored(1.0, 0.1, ("zlo",))}, {}, r"walls\.floor\.vibration: .* box_zlo",
+    ),
+    "a tangential restitution without friction": (
+        {}, {"tangential_restitution": 0.5}, r"tangential_restitution = 0\.5: the scene has no friction",
+    ),
+    "a tangential restitution beyond 1": (
+        {"friction": 0.3}, {"tangential_restitution": 1.5}, r"tangential_restitution = 1\.5: must be -1 to 1",
+    ),
+    "rolling friction": (
+        {
+            "contact": Contact(tangential="off", rolling="cdt"),
+            "pairs": [Pair(materials=("ball", "ball"), rolling_friction=0.1)],
+        },
+        {}, r"pairs\.rolling_friction",
+    ),
     "negative guard": ({}, {"guard": -1.0}, "guard = -1 s"),
 }  # fmt: skip
 
@@ -188,7 +226,7 @@ def test_refused_by_name(name):
     # catches: a scene that runs as something else than it says
     changes, options, message = REFUSED[name]
     with pytest.raises(SceneError, match=message):
-        gpudem.event_driven.run(scenes.scene([[0, 0, 0]], [[0, 0, 0]], **changes), **options)
+        gpudem.event_driven.run(scenes.scene([[0, 0, 0.5]], [[0, 0, 0]], **changes), **options)
 
 
 def test_overlap_at_the_start_is_refused():
@@ -203,9 +241,7 @@ def _allowing(scene):
     )
 
 
-def test_friction_is_refused():
+def test_friction_without_a_rule_is_refused():
     # catches: rough contacts simulated as smooth
-    scene = scenes.scene([[0, 0, 0]], [[0, 0, 0]], contact=Contact(tangential="history"))
-    pairs = [p.model_copy(update={"friction": 0.3}) for p in scene.pairs]
-    with pytest.raises(SceneError, match=r"pairs\.friction"):
-        Statement.of(scene.replace(pairs=pairs))
+    with pytest.raises(SceneError, match=r"pairs\.friction.*tangential_restitution"):
+        Statement.of(scenes.scene([[0, 0, 0]], [[0, 0, 0]], friction=0.3))

@@ -18,7 +18,7 @@ FLOOR = 0.149
 
 def sampled(duration: float, settle: float, seed: int) -> tuple[Engine, np.ndarray, np.ndarray]:
     """The source's scene (300 disks): engine, mean heights and kinetic energies per disk from `settle` on."""
-    engine = Engine(Statement.of(scenes.vibrated(300, seed, duration=duration), FLOOR))
+    engine = Engine(Statement.of(scenes.vibrated(300, seed, FLOOR, duration=duration)))
     rows = []
     for t in np.arange(settle, duration, 0.1):
         engine.advance(t)
@@ -39,7 +39,7 @@ def test_the_vibrated_box():
 
 def test_balance_of_energy_and_power():
     # catches: work or loss of any one collision left out; a floor that does not carry the weight
-    engine = Engine(Statement.of(scenes.vibrated(300, 2, duration=300.0), FLOOR))
+    engine = Engine(Statement.of(scenes.vibrated(300, 2, FLOOR, duration=300.0)))
     begin = engine.energy()
     engine.advance(40.0)
     before = engine.sums
