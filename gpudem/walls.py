@@ -1,7 +1,8 @@
-"""Walls: geometry of a contact with each kind, and their device table; with `removed_at`, a gate."""
+"""Walls: geometry and motion of each kind, and their device table; with `removed_at`, a gate."""
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,27 @@ MAX_PLANES = 31
 def plane_distance(position: Any, normal: Any, offset: Any):
     """Distance [m] of a point from a plane, positive on the side the normal points to."""
     return wp.dot(normal, position) - offset
+
+
+@wp.func
+def risen(rise: Any, overlap: Any, velocity: Any, speed: Any, dt: Any):
+    """How far a fast floor has risen under a particle since they touched [m]; -1 apart.
+
+    Args:
+        rise: A step ago, likewise.
+        overlap: With the floor at rest [m].
+        velocity: Of the particle along the normal in the step that led here [m/s].
+        speed: U of the floor [m/s].
+        dt: Time step [s]; 0 at set-up. Who touched within it finds a floor that has moved since the touch.
+    """
+    if rise >= type(rise)(0.0):
+        rise = rise + speed * dt
+    elif overlap >= type(rise)(0.0):
+        since = dt
+        if overlap < -velocity * dt:
+            since = overlap / -velocity
+        rise = speed * since
+    return rise
 
 
 def pair_entries(state: State, scene: Scene, partners: list[str]) -> list[Any]:
@@ -57,4 +79,11 @@ def wall_table(state: State, scene: Scene, present: list[Plane]) -> Any:
     walls.normal = wp.array(normals, dtype=state.types.wide3, device=state.device)
     walls.offset = wp.array(offsets, dtype=state.types.wide, device=state.device)
     walls.pairs = pair_table(state, scene, [p.material for p in planes])
+    if state.spec.vibration:
+        strokes = [p.vibration.amplitude if p.vibration else 0.0 for p in planes]
+        count = itertools.count()
+        floors = [next(count) if p.fast_floor else -1 for p in planes]
+        walls.speed = wp.array([p.speed for p in planes], dtype=state.types.wide, device=state.device)
+        walls.stroke = wp.array(strokes, dtype=state.types.wide, device=state.device)
+        walls.floor = wp.array(floors, dtype=wp.int32, device=state.device)
     return walls
