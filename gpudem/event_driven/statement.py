@@ -152,6 +152,8 @@ def _unstatable(scene: Scene, floor_speed: float, guard: float) -> list[str]:
         side = _axis_side(plane)
         if side is None:
             found.append(f"walls.{plane.name}.normal = {plane.normal}: must lie along an axis")
+        if plane.vibration and not plane.fast_floor:
+            found.append(f"walls.{plane.name}.vibration.amplitude: only 0, a fast floor")
     if floor_speed < 0 or not math.isfinite(floor_speed):
         found.append(f"floor_speed = {floor_speed:g} m/s: must be 0 or more")
     if floor_speed > 0 and not any(_axis_side(plane) == _floor(scene) for plane in scene.planes):
@@ -179,5 +181,5 @@ def _walls(planes: list[Plane], scene: Scene, restitution: np.ndarray, floor_spe
             continue  # behind another wall of this side
         present[side], at[side], names[side] = True, where, plane.name
         e[side] = restitution[:, scene.material_index[plane.material]]
-        speed[side] = floor_speed if side == _floor(scene) else 0.0
+        speed[side] = plane.speed or (floor_speed if side == _floor(scene) else 0.0)
     return Walls(present, at, e, speed, tuple(names))
