@@ -17,7 +17,7 @@ from gpudem.contact.law import contact_law, damping_force
 from gpudem.contact.types import contact_struct
 from gpudem.spec import Spec
 from gpudem.state import body_struct, structs
-from gpudem.walls import plane_distance, risen
+from gpudem.walls import distance_now, plane_distance
 
 #: Mode bits. SETUP: velocities are at the full step, springs only evaluated. WRITE: keep forces, velocities.
 SETUP, WRITE = wp.constant(1), wp.constant(2)
@@ -65,6 +65,7 @@ def step_kernel(spec: Spec) -> Any:
     law = contact_law(spec.normal, spec.tangential, spec.rolling, spec.limit_force, spec.path)
     edge_law = damping_force(spec.normal, spec.limit_force)
     nearest = nearest_image(spec.periodic, spec.precision)
+    moving = distance_now(spec.precision)
     mixed = real is not wide
 
     @wp.func
@@ -307,26 +308,10 @@ def step_kernel(spec: Spec) -> Any:
                 normal = walls.normal[k]
                 distance = plane_distance(x, normal, walls.offset[k])
                 if wp.static(spec.vibration):
-                    floor = walls.floor[k]
-                    if floor < 0:
-                        distance = distance - particles.wall_shift[launch * params.planes + k]
-                    else:
-                        slot = floor * params.n + i
-                        elapsed = params.drift
-                        if mode & SETUP:
-                            elapsed = wide(0.0)
-                        rise = risen(
-                            particles.wall_rise[slot],
-                            radius - distance,
-                            wp.dot(v, normal),
-                            walls.speed[k],
-                            elapsed,
-                        )
-                        distance = distance - wp.max(rise, wide(0.0))
-                        if not (mode & SETUP):
-                            if distance > radius:
-                                rise = wide(-1.0)  # apart: the floor snaps back
-                            particles.wall_rise[slot] = rise
+                    at = launch * params.planes + k
+                    distance = moving(
+                        params, walls, particles, i, k, at, distance, radius, wp.dot(v, normal), dt
+                    )
                 if distance <= radius:
                     c = wall_contact(distance, normal, radius, mass)
                     if wp.static(spec.rotation):
@@ -348,9 +333,8 @@ def step_kernel(spec: Spec) -> Any:
                     force += f
                     if wp.static(spec.vibration):
                         if not (mode & SETUP):
-                            stride = walls.speed[k] * params.drift
-                            push = wp.dot(f, c.normal)
-                            particles.wall_work[i] += wp.float64(push) * wp.float64(stride)
+                            push = wp.float64(wp.dot(f, c.normal))
+                            particles.wall_work[i] += push * wp.float64(walls.speed[k] * params.drift)
                     torque -= c.lever * turn + rolling
                     contacts += 2  # a contact with a particle is counted from both sides
                     if wp.static(spec.memory):

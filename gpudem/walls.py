@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from typing import Any
 
@@ -10,7 +11,7 @@ import warp as wp
 
 from gpudem.contact.coefficients import pair_coefficients
 from gpudem.scene import Plane, Scene
-from gpudem.state import State
+from gpudem.state import State, structs
 
 #: Bits of one int32 mark which planes a particle touches.
 MAX_PLANES = 31
@@ -41,6 +42,39 @@ def risen(rise: Any, overlap: Any, velocity: Any, speed: Any, dt: Any):
             since = overlap / -velocity
         rise = speed * since
     return rise
+
+
+@functools.cache
+def distance_now(precision: str) -> Any:
+    """A function of a particle and a plane k -> its distance from where the plane is now [m].
+
+    `at` is where wall_shift holds a saw-tooth's place, `distance` that from the plane at rest, dt [s] 0 at
+    set-up; else what a fast floor has risen is kept, or forgotten where they part: it snaps back.
+    """
+    t = structs(precision, True)
+    wide = t.wide
+
+    @wp.func
+    def moved(
+        params: t.Params, walls: t.Walls, particles: t.Particles, i: wp.int32, k: wp.int32, at: wp.int32,
+        distance: wide, radius: wide, velocity: wide, dt: t.real,
+    ):  # fmt: skip
+        floor = walls.floor[k]
+        if floor < 0:
+            return distance - particles.wall_shift[at]
+        slot = floor * params.n + i
+        elapsed = params.drift
+        if dt == t.real(0.0):
+            elapsed = wide(0.0)
+        rise = risen(particles.wall_rise[slot], radius - distance, velocity, walls.speed[k], elapsed)
+        left = distance - wp.max(rise, wide(0.0))
+        if dt > t.real(0.0):
+            if left > radius:
+                rise = wide(-1.0)
+            particles.wall_rise[slot] = rise
+        return left
+
+    return moved
 
 
 def pair_entries(state: State, scene: Scene, partners: list[str]) -> list[Any]:

@@ -244,8 +244,8 @@ CASE = Case(
         " v' = (1 + e) U - e v. The event-driven engine goes from collision to collision, without a step."
         " Time stepping that turns back overlapping disks only where they approach tends to the same height:"
         " the source, whose time steps settle at another, has no test of approach. Soft gpudem, with a floor"
-        " that moves at U under each disk from touch to parting, tends to the same state in first order in the"
-        " contact time. Not here yet: the source's own rule."
+        " that moves at U under each disk from touch to parting, tends to the same state, to first order in"
+        " the contact time. Not here yet: the source's own rule."
     ),
     source="Qiita article on fast simulation of rigid spheres (2019) and its program; Lubachevsky (1991).",
     variants=variants,
