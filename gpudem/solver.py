@@ -141,7 +141,11 @@ class Simulation:
         """Puts saw-tooth planes where they are in `step`, the next launch's, and in those after it."""
         if self._saw_teeth:
             times = [(step + k) * self.scene.time.step for k in range(self.chunk)]
-            self.state.particles.wall_shift.assign([p.shift(t) for t in times for p in self.scene.planes])
+            shifts = [p.shift(t) for t in times for p in self.scene.planes]
+            if self.device.is_cpu:
+                self.state.particles.wall_shift.numpy()[:] = shifts  # a view
+            else:
+                self.state.particles.wall_shift.assign(shifts)
 
     def _launch_chunk(self, steps: int) -> int:
         """Launch steps without looking between them; those after somebody moved too far did nothing.
