@@ -194,6 +194,9 @@ def test_steady_power():
     weight = 2000 * 4 / 3 * np.pi * RADIUS**3 * 200
     assert rows.kinetic_energy.max() > 0
     assert power == pytest.approx(weight * SPEED, rel=0.03)
+    late = rows[rows.time > 0.3]
+    assert 0.9 * RADIUS < late.centre_z.min() < 1.1 * RADIUS  # the floor waits where it was
+    assert late.centre_z.max() > 2 * RADIUS
 
 
 def test_only_who_vibrates_pays():
