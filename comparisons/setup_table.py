@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from comparisons.numbers import number
-from gpudem.scene import Scene
+from gpudem.scene import Plane, Scene
 from gpudem.time_scales import contact_time, rayleigh_time
 
 Row = tuple[str, str, str]
@@ -52,7 +52,7 @@ def essentials(scene: Scene) -> dict[tuple[str, str], float | str]:
     if any(scene.gravity):
         table["gravity", "m/s²"] = "({:g}, {:g}, {:g})".format(*scene.gravity)
     if scene.planes:
-        names = [p.name + (f" (gone at {p.removed_at:g} s)" if p.removed_at else "") for p in scene.planes]
+        names = [p.name + _fate(p) for p in scene.planes]
         table["walls", ""] = ", ".join(f"{n}: {p.material}" for n, p in zip(names, scene.planes, strict=True))
     size = np.array(scene.domain.hi) - np.array(scene.domain.lo)
     table["domain", "m"] = " \u00d7 ".join(f"{s:.4g}" for s in size)
@@ -112,3 +112,9 @@ def _text(value: float | str) -> str:
     if isinstance(value, int):
         return f"{value:,}".replace(",", " ")
     return value if isinstance(value, str) else number(value)
+
+
+def _fate(plane: Plane) -> str:
+    gone = f" (gone at {plane.removed_at:g} s)" if plane.removed_at else ""
+    moves = plane.vibration
+    return gone + (f" (vibrates at {moves.speed:g} m/s, amplitude {moves.amplitude:g} m)" if moves else "")

@@ -36,10 +36,14 @@ def overlap_limit(scene: Scene) -> float:
 
 
 def speed_limit(scene: Scene) -> float:
-    """Largest speed [m/s]: smallest radius by time step; infinite for a scene that waives it."""
+    """Largest speed [m/s]: smallest radius by time step, less the speed of a vibrating plane.
+
+    Infinite for a scene that waives it.
+    """
     if "speed" in scene.allow:
         return float("inf")
-    return MAX_MOVE * float(scene.state.radius.min()) / scene.time.step
+    fastest = max((plane.speed for plane in scene.planes), default=0.0)
+    return max(0.0, MAX_MOVE * float(scene.state.radius.min()) / scene.time.step - fastest)
 
 
 def energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]:
@@ -49,7 +53,7 @@ def energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]
     the start is not counted: scenes that waive the check of start overlaps are left out, others start with
     springs whose energy is far below the scale.
     """
-    closed = scene.needs.damping and "overlap" not in scene.allow
+    closed = scene.needs.damping and not scene.needs.vibration and "overlap" not in scene.allow
     if history is None or not closed or len(history) < 2:
         return []
     energy = history[["kinetic_energy", "rotational_energy", "potential_energy"]].to_numpy().sum(axis=1)

@@ -17,7 +17,7 @@ from gpudem.contact.law import contact_law, damping_force
 from gpudem.contact.types import contact_struct
 from gpudem.spec import Spec
 from gpudem.state import body_struct, structs
-from gpudem.walls import plane_distance
+from gpudem.walls import distance_now, plane_distance
 
 #: Mode bits. SETUP: velocities are at the full step, springs only evaluated. WRITE: keep forces, velocities.
 SETUP, WRITE = wp.constant(1), wp.constant(2)
@@ -26,7 +26,8 @@ SETUP, WRITE = wp.constant(1), wp.constant(2)
 @functools.cache
 def nearest_image(periodic: tuple[bool, bool, bool], precision: str) -> Any:
     """A function (d, size) -> d between nearest images; no code for sides that are not periodic."""
-    vec3, real = structs(precision).wide3, structs(precision).wide
+    t = structs(precision, False)
+    vec3, real = t.wide3, t.wide
     px, py, pz = periodic
 
     @wp.func
@@ -55,7 +56,7 @@ def nearest_image(periodic: tuple[bool, bool, bool], precision: str) -> Any:
 @functools.cache
 def step_kernel(spec: Spec) -> Any:
     """The step kernel of one Spec."""
-    t = structs(spec.precision)
+    t = structs(spec.precision, spec.vibration)
     real, vec3, wide, wide3 = t.real, t.vec3, t.wide, t.wide3
     Params, Particles, Walls, Full = t.Params, t.Particles, t.Walls, t.Full
     Body = body_struct(spec.precision, spec.rotation, spec.path)
@@ -64,6 +65,7 @@ def step_kernel(spec: Spec) -> Any:
     law = contact_law(spec.normal, spec.tangential, spec.rolling, spec.limit_force, spec.path)
     edge_law = damping_force(spec.normal, spec.limit_force)
     nearest = nearest_image(spec.periodic, spec.precision)
+    moving = distance_now(spec.precision)
     mixed = real is not wide
 
     @wp.func
@@ -305,11 +307,18 @@ def step_kernel(spec: Spec) -> Any:
                     continue
                 normal = walls.normal[k]
                 distance = plane_distance(x, normal, walls.offset[k])
+                if wp.static(spec.vibration):
+                    at = launch * params.planes + k
+                    distance = moving(
+                        params, walls, particles, i, k, at, distance, radius, wp.dot(v, normal), dt
+                    )
                 if distance <= radius:
                     c = wall_contact(distance, normal, radius, mass)
                     if wp.static(spec.rotation):
                         c.spin = (c.lever / real(distance)) * narrow(w)
                     behind = turned(c, v, w, wide3(), real(0.0))
+                    if wp.static(spec.vibration):
+                        behind = behind - narrow(walls.speed[k] * normal)
                     c = set_motion(c, behind, turned(c, v_ahead, w_ahead, wide3(), real(0.0)), dt)
                     spring = vec3()
                     kept = vec3()
@@ -322,6 +331,10 @@ def step_kernel(spec: Spec) -> Any:
                         c, walls.pairs[k * params.materials + material], spring, kept, dt, params.dt
                     )
                     force += f
+                    if wp.static(spec.vibration):
+                        if not (mode & SETUP):
+                            push = wp.float64(wp.dot(f, c.normal))
+                            particles.wall_work[i] += push * wp.float64(walls.speed[k] * params.drift)
                     torque -= c.lever * turn + rolling
                     contacts += 2  # a contact with a particle is counted from both sides
                     if wp.static(spec.memory):

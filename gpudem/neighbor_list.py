@@ -74,6 +74,7 @@ class NeighborList:
         self._moved_arrays += ["radius"] * spec.several_radii + ["mass"] * spec.several_masses
         self._moved_arrays += ["material"] * spec.several_materials
         self._moved_arrays += ["wall_near"] * bool(state.planes)
+        self._moved_arrays += ["wall_rise"] * (spec.vibration and state.particles.wall_rise is not None)
         if spec.memory and state.planes:
             self._moved_arrays += ["wall_touch", *(["wall_spring"] * spec.history)]
             self._moved_arrays += ["wall_rolling"] * spec.rolling_history

@@ -45,7 +45,7 @@ def last_cell(c: wp.int32, n: wp.int32, periodic: bool):
 @functools.cache
 def cell_kernel(spec: Spec) -> Any:
     """Wraps periodic positions, writes the cell of each particle, reports lost particles and NaN."""
-    t = structs(spec.precision)
+    t = structs(spec.precision, spec.vibration)
     wide3 = t.wide3
     Params, Particles = t.Params, t.Particles
     Body = body_struct(spec.precision, spec.rotation, spec.path)
@@ -108,7 +108,7 @@ def cell_kernel(spec: Spec) -> Any:
 @functools.cache
 def gather_kernel(spec: Spec) -> Any:
     """Copies the particle arrays into scratch arrays in the new order; marks the planes near a particle."""
-    t = structs(spec.precision)
+    t = structs(spec.precision, spec.vibration)
     Params, Particles, Walls = t.Params, t.Particles, t.Walls
     Body = body_struct(spec.precision, spec.rotation, spec.path)
     walls_with_memory = spec.walls and spec.memory
@@ -146,7 +146,19 @@ def gather_kernel(spec: Spec) -> Any:
             near = wp.int32(0)
             for k in range(params.planes):
                 distance = plane_distance(now[o].position, walls.normal[k], walls.offset[k])
-                if distance < reach + params.skin:
+                within = reach + params.skin
+                if wp.static(spec.vibration):
+                    floor = walls.floor[k]
+                    if floor < 0:  # found now, and until the next rebuild wherever in its stroke
+                        distance = distance - particles.wall_shift[k]
+                        within = within + (walls.stroke[k] - particles.wall_shift[k])
+                    else:
+                        rise = particles.wall_rise[floor * params.n + o]
+                        moved_particles.wall_rise[floor * params.n + i] = rise
+                        if rise >= t.wide(0.0):
+                            distance = distance - rise
+                            within = wp.max(within, distance + params.skin)  # until they part
+                if distance < within:
                     near = near | (1 << k)
                     if distance < reach - params.overlap_limit * reach:
                         status[1] = particles.id[o]
@@ -191,7 +203,7 @@ def cell_starts(
 @functools.cache
 def list_kernel(spec: Spec, fill: bool) -> Any:
     """Counts the neighbours of each particle, or (`fill`) writes them and finds springs of touching pairs."""
-    t = structs(spec.precision)
+    t = structs(spec.precision, spec.vibration)
     Params, Particles = t.Params, t.Particles
     nearest = nearest_image(spec.periodic, spec.precision)
     px, py, pz = spec.periodic

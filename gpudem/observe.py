@@ -87,12 +87,13 @@ class Recorder:
         for k, step in enumerate(saved.get("trace.step", np.empty(0, int)).tolist()):
             self._trace.append((step, {name: saved[f"trace.{name}"][k] for name in TRACE_COLUMNS}))
 
-    def add(self, step: int, frame: Frame, contacts: int) -> None:
-        """Keep what is wanted of this step."""
+    def add(self, step: int, frame: Frame, contacts: int, work: float | None = None) -> None:
+        """Keep what is wanted of this step; `work` of moving walls so far [J], where there are any."""
         if self.trace_stride and step % self.trace_stride == 0:
             self._trace.append((step, {k: frame[k] for k in TRACE_COLUMNS}))
         if self.history_stride and step % self.history_stride == 0:
-            self._history.append(bulk(self.scene, frame, self.mass, step, contacts))
+            row = bulk(self.scene, frame, self.mass, step, contacts)
+            self._history.append(row if work is None else (*row, work))
         if self.writer and self.frame_stride and step % self.frame_stride == 0:
             self.writer.add(step, frame)
 
@@ -107,10 +108,11 @@ class Recorder:
 
     @property
     def history(self) -> pandas.DataFrame | None:
-        """Table of HISTORY_COLUMNS; None if not asked for."""
+        """Table of HISTORY_COLUMNS, and of `work` where walls move; None if not asked for."""
         if not self._history:
             return None
         import pandas
 
-        table = pandas.DataFrame(self._history, columns=list(HISTORY_COLUMNS))
+        columns = (*HISTORY_COLUMNS, "work")[: len(self._history[0])]
+        table = pandas.DataFrame(self._history, columns=list(columns))
         return table.astype({"step": int, "contacts": int})

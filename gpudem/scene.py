@@ -39,6 +39,7 @@ from gpudem.sections import (
     Side,
     Solver,
     Time,
+    Vibration,
 )
 
 __all__ = [
@@ -58,6 +59,7 @@ __all__ = [
     "Side",
     "Solver",
     "Time",
+    "Vibration",
 ]
 
 
@@ -229,6 +231,7 @@ class Scene(Model):
             gravity=any(self.gravity),
             walls=bool(self.walls),
             gate=any(p.removed_at is not None for p in self.planes),
+            vibration=any(p.vibration is not None for p in self.planes),
             periodic=any(self.domain.periodic),
             several_materials=len(self.particle_materials) > 1,
             several_radii=bool(np.ptp(state.radius) > 0),

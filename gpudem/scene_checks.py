@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 MAX_START_OVERLAP = 0.1
 #: Largest time step: share of the Rayleigh time, and of the contact time (5 steps in a contact).
 MAX_RAYLEIGH, MAX_CONTACT = 0.5, 0.2
+#: Time steps in a period of a vibrating plane, at least.
+MIN_PERIOD = 10
 #: A trace [bytes] above this fills the memory: 15 float64 numbers for each particle and row.
 MAX_TRACE = 4e9
 
@@ -60,6 +62,7 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
             holds(_reachable_walls)
             if paired:
                 holds(_time_step, "time", "contact", "gravity", "allow")
+            holds(_vibration, "time", "solver")
         holds(_trace, "time", "output")
     return found
 
@@ -282,6 +285,25 @@ def _time_step(scene: Scene) -> list[str]:
     return [
         f"time.step = {scene.time.step:g} s: above {what}, {limit:.3g} s; waive with allow = ['time_step']"
     ]
+
+
+def _vibration(scene: Scene) -> list[str]:
+    found, step = [], scene.time.step
+    for plane in scene.planes:
+        vibration, key = plane.vibration, f"walls: {plane.name}.vibration"
+        if vibration is None:
+            continue
+        if scene.solver.integrator == "path":
+            found.append(f"{key}: solver.integrator = 'path' knows no moving plane; use 'half_step'")
+        stroke, radius = vibration.speed * step, float(scene.state.radius.min())
+        if stroke >= radius:
+            found.append(f"{key}.speed = {vibration.speed:g} m/s: moves {stroke:.3g} m in a step;"
+                         f" allowed: < the smallest radius, {radius:g} m")  # fmt: skip
+        period = vibration.amplitude / vibration.speed
+        if 0 < period < MIN_PERIOD * step:
+            found.append(f"{key}: a period A / U = {period:.3g} s is {period / step:.3g} time steps; allowed:"
+                         f" >= {MIN_PERIOD}, or amplitude = 0 for a fast floor")  # fmt: skip
+    return found
 
 
 def step_limit(scene: Scene, rayleigh: float, contact: float) -> tuple[float, str]:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -142,6 +143,22 @@ class Plane(Model):
     removed_at: Annotated[float, positive("s")] | None = None
     vibration: Vibration | None = None
 
+    @property
+    def fast_floor(self) -> bool:
+        """Vibrates with amplitude 0."""
+        return self.vibration is not None and self.vibration.amplitude == 0
+
+    @property
+    def speed(self) -> float:
+        """U along the normal [m/s]; 0 for a plane at rest."""
+        return self.vibration.speed if self.vibration else 0.0
+
+    def shift(self, time: float) -> float:
+        """How far along its normal a saw-tooth is from its lowest place [m]."""
+        if self.vibration is None or self.fast_floor:
+            return 0.0
+        return self.vibration.speed * math.fmod(time, self.vibration.amplitude / self.vibration.speed)
+
 
 class Box(Model):
     """Axis-aligned planes at the chosen sides of lo..hi (default: the domain), facing inwards."""
@@ -208,6 +225,7 @@ class Needs(Model):
     gravity: bool
     walls: bool
     gate: bool
+    vibration: bool
     periodic: bool
     several_materials: bool
     several_radii: bool

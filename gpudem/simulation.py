@@ -150,7 +150,7 @@ def _segments(
                 simulation.start(planes, write=first == 0)
         if first == 0 and recorder.due(0) and not restart:
             with clock.output():
-                recorder.add(0, simulation.frame(), simulation.contact_count())
+                recorder.add(0, simulation.frame(), simulation.contact_count(), simulation.wall_work())
         if not (restart and first <= restart.step):
             save_if_due(first)  # at the removal of a gate: with the set-up behind it
         while simulation.step_count < last:
@@ -162,7 +162,7 @@ def _segments(
                 simulation.write_step(last=stop == last)
             if recorder.due(stop) or stop == last:
                 with clock.output():
-                    recorder.add(stop, simulation.frame(), simulation.contact_count())
+                    recorder.add(stop, simulation.frame(), simulation.contact_count(), simulation.wall_work())
             if stop < last:
                 save_if_due(stop)
 

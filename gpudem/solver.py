@@ -63,6 +63,7 @@ class Simulation:
         self.step_count = 0
         self._stale = False
         self._moved = self.state.particles.moved.numpy() if self.device.is_cpu else None
+        self._saw_teeth = any(p.vibration and not p.fast_floor for p in scene.planes)
         self.walls: Any = None
         self.compile_s = self._compile()
 
@@ -109,6 +110,7 @@ class Simulation:
         self.walls = wall_table(self.state, self.scene, self.scene.planes if planes is None else planes)
         self._forget_commands()
         self.neighbors.set_walls(self.walls)
+        self._move_walls(self.step_count)
         self._rebuild()
         self._launch(SETUP | (WRITE if write else 0))
         self._stale = bool(self._moved_flags()[1])
@@ -117,6 +119,7 @@ class Simulation:
     def advance(self, steps: int) -> None:
         """Do `steps` steps without output."""
         while steps > 0:
+            self._move_walls(self.step_count + 1)
             if self._stale:
                 self._rebuild()
             done = self._launch_chunk(min(steps, self.chunk))
@@ -125,6 +128,7 @@ class Simulation:
 
     def write_step(self, last: bool = False) -> None:
         """One more step, whose positions, velocities and forces can then be read; `last`: stay there."""
+        self._move_walls(self.step_count + 1)
         if self._stale:
             self._rebuild()
         self._launch(WRITE)
@@ -132,6 +136,16 @@ class Simulation:
         self.step_count += 1
         if not last:
             self.state.swap()
+
+    def _move_walls(self, step: int) -> None:
+        """Puts saw-tooth planes where they are in `step`, the next launch's, and in those after it."""
+        if self._saw_teeth:
+            times = [(step + k) * self.scene.time.step for k in range(self.chunk)]
+            shifts = [p.shift(t) for t in times for p in self.scene.planes]
+            if self.device.is_cpu:
+                self.state.particles.wall_shift.numpy()[:] = shifts  # a view
+            else:
+                self.state.particles.wall_shift.assign(shifts)
 
     def _launch_chunk(self, steps: int) -> int:
         """Launch steps without looking between them; those after somebody moved too far did nothing.
@@ -238,8 +252,11 @@ class Simulation:
         self.step_count, self.neighbors.rebuilds, self._stale = counts[0], counts[1], bool(counts[2])
 
     def _kept_arrays(self) -> list[str]:
-        """Arrays of `state.particles` that last from step to step; force_so_far is zero between steps."""
-        leave = ("pairs", "moved", "force_so_far", "torque_so_far")
+        """Arrays of `state.particles` that last from step to step.
+
+        Not those that are zero between steps or follow from the number of the step.
+        """
+        leave = ("pairs", "moved", "force_so_far", "torque_so_far", "wall_shift")
         names = [name for name in self.state.types.Particles.vars if name not in leave]
         return [name for name in names if getattr(self.state.particles, name) is not None]
 
@@ -284,6 +301,13 @@ class Simulation:
     def contact_count(self) -> int:
         """Contacts in the written step, between particles and with walls."""
         return int(self.state.full.contacts.numpy().sum()) // 2
+
+    def wall_work(self) -> float | None:
+        """Work of moving planes since the start [J]; None where no plane moves.
+
+        Force on each particle times the way of the plane in the step, added up on the device.
+        """
+        return float(self.state.particles.wall_work.numpy().sum()) if self.spec.vibration else None
 
     def memory_bytes(self) -> dict[str, int]:
         """Bytes of every device array, by name."""

@@ -23,6 +23,7 @@ class Spec:
     rotation: bool = False
     gravity: bool = False
     walls: bool = False
+    vibration: bool = False
     periodic: tuple[bool, bool, bool] = (False, False, False)
     several_materials: bool = False
     several_radii: bool = False
@@ -44,6 +45,7 @@ class Spec:
             rotation=needs.rotation,
             gravity=needs.gravity,
             walls=needs.walls,
+            vibration=needs.vibration,
             periodic=scene.domain.periodic,
             several_materials=needs.several_materials,
             several_radii=needs.several_radii,

@@ -17,8 +17,10 @@ from gpudem.spec import Spec
 
 
 @functools.cache
-def structs(precision: str) -> SimpleNamespace:
+def structs(precision: str, vibration: bool) -> SimpleNamespace:
     """The argument structs of the kernels in one precision: Params, Particles, Walls, Full.
+
+    Vibrating planes have fields of their own; without one the structs are as if there were none.
 
     `real` is the arithmetic of the contact laws, `wide` that of positions, velocities and radii: the same but
     for "mixed", where an overlap of 1e-7 m is the difference of lengths of 1 m, and a step adds 1e-7 of a
@@ -51,7 +53,6 @@ def structs(precision: str) -> SimpleNamespace:
         materials: wp.int32
         planes: wp.int32
 
-    @wp.struct
     class Particles:
         id: wp.array[wp.int32]  # row in the scene, (n,)
         radius: wp.array[wide]  # [m], (n,)
@@ -71,11 +72,26 @@ def structs(precision: str) -> SimpleNamespace:
         torque_so_far: wp.array[vec3]  # [N m], (n,), likewise
         moved: wp.array[wp.int32]  # k + 1: launch k moved somebody beyond skin/2, (chunk + 1,)
 
-    @wp.struct
+    if vibration:
+        Particles.__annotations__ |= {
+            "wall_shift": wp.array[wide],  # of plane k in launch l, at l m + k: how far from rest [m]
+            "wall_rise": wp.array[wide],  # of a fast floor since the touch [m], -1 apart, (floors n,)
+            "wall_work": wp.array[wp.float64],  # done by moving planes on whoever stood here [J], (n,)
+        }
+    Particles = wp.struct(Particles)
+
     class Walls:
         normal: wp.array[wide3]  # into the domain, length one, (m,)
         offset: wp.array[wide]  # normal . point [m], (m,)
         pairs: wp.array[Pair]  # coefficients by plane and particle material, (m materials,)
+
+    if vibration:
+        Walls.__annotations__ |= {
+            "speed": wp.array[wide],  # U along the normal [m/s], (m,)
+            "stroke": wp.array[wide],  # A of a saw-tooth [m], (m,)
+            "floor": wp.array[wp.int32],  # number among the fast floors, -1: none, (m,)
+        }
+    Walls = wp.struct(Walls)
 
     @wp.struct
     class Full:
@@ -105,7 +121,7 @@ def body_struct(precision: str, rotation: bool, path: bool) -> Any:
     position [m]; velocity [m/s], angular_velocity [rad/s]: half a step behind it; velocity_ahead,
     angular_velocity_ahead: predicted half a step ahead, with integrator "path" alone.
     """
-    wide3 = structs(precision).wide3
+    wide3 = structs(precision, False).wide3
     fields = ["position", "velocity", *(["angular_velocity"] * rotation)]
     fields += ["velocity_ahead"] * path + ["angular_velocity_ahead"] * (path and rotation)
     return wp.struct(type("Body", (), {"__annotations__": dict.fromkeys(fields, wide3)}))
@@ -115,7 +131,7 @@ class State:
     """All device arrays of a run: `now` and `next`, read and written in turn; `scratch` for rebuilds; ..."""
 
     def __init__(self, scene: Scene, spec: Spec, device: Any, chunk: int):
-        self.types = t = structs(spec.precision)
+        self.types = t = structs(spec.precision, spec.vibration)
         self.spec, self.device, self.n = spec, device, len(scene.state)
         initial, n = scene.state, self.n
         self.planes = len(scene.planes) if spec.walls else 0
@@ -147,6 +163,11 @@ class State:
             p.wall_touch = wp.zeros(n, dtype=wp.int32, device=device)
             p.wall_spring = vectors(n * self.planes, spec.history)
             p.wall_rolling = vectors(n * self.planes, spec.rolling_history)
+        if spec.vibration:
+            floors = sum(plane.fast_floor for plane in scene.planes)
+            p.wall_shift = wp.zeros(chunk * self.planes, dtype=t.wide, device=device)
+            p.wall_rise = wp.full(n * floors, -1.0, dtype=t.wide, device=device) if floors else None
+            p.wall_work = wp.zeros(n, dtype=wp.float64, device=device)
         p.built_at = vectors(dtype=t.wide3)
         p.start = wp.zeros(n + 1, dtype=wp.int32, device=device)
         p.force_so_far = vectors(n, spec.half_list)
