@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 BOTH = ("gpudem", "liggghts")
 LABEL = "gate_200"
-RADIUS: dict[Tier, float] = {"quick": 0.016, "standard": 0.011, "full": dam.RADIUS}
+RADIUS: dict[Tier, float] = {"standard": 0.011, "full": dam.RADIUS}
 #: Strips along the depth: each is a pile of its own, their scatter the yardstick of a single run.
 STRIPS = 8
 #: Times after the gate goes [s] of the pictures of the paper, which are of 0.7 s and 0.9 s from the start.
@@ -229,4 +229,5 @@ CASE = Case(
         "wall plane", "gate", "lattice packing", "bulk flow",
     ),
     order=51,
+    tiers=("standard", "full"),
 )  # fmt: skip

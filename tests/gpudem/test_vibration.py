@@ -228,3 +228,24 @@ def test_refused():
     assert "moves 0.018 m in a step; allowed: < the smallest radius, 0.01 m" in refused(
         **fast, time={"step": 2e-6, "duration": 0.01}
     )
+
+
+def test_resumed_in_mid_contact():
+    """A ball on the fast floor at the restart: who forgets the rise lets it fall through the touch again."""
+    scene = ball(0.8, 100, FAST)
+    whole = Simulation(scene)
+    whole.start()
+    for _ in range(scene.n_steps):
+        whole.advance(1)
+        if whole.state.particles.wall_rise.numpy()[0] > 20 * 0.4 * scene.time.step:
+            break
+    else:
+        raise AssertionError("the ball never came onto the floor")
+    other = Simulation(scene)
+    other.resume(whole.saved())
+    for s in (whole, other):
+        s.advance(200)
+        s.write_step(last=True)
+    for k, v in whole.frame().items():
+        assert np.array_equal(v, other.frame()[k]), k
+    assert whole.wall_work() == other.wall_work() > 0
