@@ -29,6 +29,7 @@ def run(
     threads: int | None = None,
     precision: str | None = None,
     integrator: str | None = None,
+    everything: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> Run:
     """Simulate a scene; with a directory, frames and tables are written there as it goes.
@@ -40,6 +41,8 @@ def run(
         threads: CPU threads; default: one for each core, fewer for few particles.
         precision: Overrides the scene's.
         integrator: Overrides the scene's.
+        everything: Carry what any scene may have, though this one does not need it: slower, for measuring
+            what leaving out buys.
         progress: Called with the number of steps done, a few times a second.
 
     Returns:
@@ -52,7 +55,8 @@ def run(
     overrides = {"precision": precision, "integrator": integrator}
     if any(overrides.values()):
         scene = scene.replace(solver={k: v for k, v in overrides.items() if v})
-    return _run(scene, None if directory is None else Path(directory), device, threads, progress)
+    path = None if directory is None else Path(directory)
+    return _run(scene, path, device, threads, progress, everything=everything)
 
 
 def resume(
@@ -80,10 +84,11 @@ def _run(
     threads: int | None,
     progress: Callable[[int], None] | None,
     restart: Restart | None = None,
+    everything: bool = False,
 ) -> Run:
     recorder = Recorder(scene, path, restart)
     begin = time.perf_counter()
-    simulation = Simulation(scene, device, threads)
+    simulation = Simulation(scene, device, threads, everything=everything)
     setup_s = time.perf_counter() - begin - simulation.compile_s
     clock = _Clock(progress)
     notes: dict[str, object] = {}

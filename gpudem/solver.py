@@ -46,9 +46,12 @@ class Simulation:
         threads: int | None = None,
         chunk: int | None = None,
         half_list: bool | None = None,
+        everything: bool = False,
     ):
-        self.device = find_device(device)
-        self.scene, self.spec = scene, Spec.of(scene, self.device.is_cpu if half_list is None else half_list)
+        self.device, self.scene = find_device(device), scene
+        self.spec = Spec.of(scene, self.device.is_cpu if half_list is None else half_list)
+        if everything:
+            self.spec = self.spec.loaded
         self.chunk = chunk or (CUDA_CHUNK if self.device.is_cuda else 1)
         self.state = State(scene, self.spec, self.device, self.chunk)
         self.params = self._params()

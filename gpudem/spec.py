@@ -53,6 +53,18 @@ class Spec:
         )
 
     @property
+    def loaded(self) -> Spec:
+        """The same with everything that any scene may have, for measuring what leaving out buys.
+
+        Springs of friction that is 0, rolling torques of 0, a radius, mass and material for each particle
+        of one kind: the motion is the same but for rounding. The normal law, walls and periodic sides stay.
+        """
+        return dataclasses.replace(
+            self, tangential="history", rolling="epsd2", rotation=True, gravity=True,
+            several_materials=True, several_radii=True,
+        )  # fmt: skip
+
+    @property
     def path(self) -> bool:
         """Velocities predicted half a step ahead are kept beside those half a step behind."""
         return self.integrator == "path"

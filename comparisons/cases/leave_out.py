@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pandas
 
+from comparisons import specialised
 from comparisons.beds import FRICTIONLESS, bench_scene
 from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
 from gpudem.errors import GpudemError
@@ -20,6 +21,7 @@ def variants(tier: Tier) -> list[Variant]:
     return [
         Variant(PLAIN, plain, ("gpudem",), one),
         Variant(FULL, bench_scene("settled", 1, steps), ("gpudem",), one),
+        *specialised.variants(tier),
     ]
 
 
@@ -147,6 +149,20 @@ CASE = Case(
             reason="about 0.6 on an idle machine; 0.9 leaves room for a busy one",
             catches="branches of friction left in the frictionless kernel",
         ),
+        Check(
+            name="time with everything / time of what a scene needs, least over six scenes",
+            measure=specialised.least_gain, lo=1.0, tolerance=10.0, unit="1", mark="R", tiers=("full",),
+            against="the same scene, kernels that carry everything; in turn, one core",
+            reason="what is left out costs nothing, so that nothing may be gained by carrying it",
+            catches="a specialised kernel that is no faster than the general one",
+        ),
+        Check(
+            name="velocities, with everything less without / largest, over six scenes",
+            measure=specialised.same_motion, tolerance=1e-6, unit="1", mark="R", tiers=("full",),
+            against="kernels that carry everything",
+            reason="products in another order: rounding, which a gas multiplies at each collision",
+            catches="physics left out that the scene has",
+        ),
     ),
     figures=(
         Figure(
@@ -156,6 +172,13 @@ CASE = Case(
         ),
     ),
     tables=(
+        Table(
+            "What leaving out buys",
+            "Each scene by the kernels built for it and by kernels that carry friction springs, rolling"
+            " torques, and radius, mass and material of each ball; some 5000 balls, one core, float64; median"
+            " and range of three runs in turn.",
+            specialised.table, tiers=("full",), recorded=True,
+        ),
         Table("Both scenes", "One core, float64, 5000 spheres settled behind the gate.", summary),
         Table("Every array", "Bytes per particle; `next` and `scratch` are working copies.", array_table),
         Table("Step kernel on sm_90", "Registers of a thread, bytes spilled; no GPU needed.", kernel_table),
