@@ -11,7 +11,7 @@ import numpy as np
 
 from comparisons import gases
 from comparisons.case import Tier
-from comparisons.oracles import gas, linear
+from comparisons.oracles import gas
 from comparisons.oracles.bodies import bodies
 from comparisons.oracles.chain import Chain
 from gpudem.run import Run
@@ -143,12 +143,11 @@ HERTZ_TIME = 2.868266
 COUNT, SHARE, STEPS, GAS_ROWS = 1000, 0.3, 25, 200
 #: Contact time [s], a third of the mean free time.
 CONTACT = 8e-5
-STIFFNESS = gases.MASS / 2 * (math.pi / CONTACT) ** 2
+STIFFNESS = gases.stiffness(CONTACT)
 
 
 def gas_of(collisions: float) -> Scene:
     """A frictionless elastic gas with linear springs, as long as so many collisions take by Enskog's rate."""
-    star = linear.young_star(STIFFNESS, gases.RADIUS / 2, gases.MASS / 2, 1.0)
     density = 6 * SHARE / (math.pi * (2 * gases.RADIUS) ** 3)
     rate = gas.collision_rate(2 * gases.RADIUS, density, 1.0, gas.contact_value(SHARE))
     step = CONTACT / STEPS
@@ -156,7 +155,7 @@ def gas_of(collisions: float) -> Scene:
     return gases.gas_box(
         "gas", COUNT, SHARE, 1,
         materials={"ball": Material(
-            young=2 * (1 - gases.POISSON**2) * star, poisson=gases.POISSON, density=gases.DENSITY
+            young=gases.spring_young(CONTACT, 1.0), poisson=gases.POISSON, density=gases.DENSITY
         )},
         pairs=[Pair(materials=("ball", "ball"))],
         contact=Contact(normal="hooke", characteristic_velocity=1.0, tangential="off"),
@@ -200,17 +199,9 @@ def collisions(run: Run) -> float:
 
 def gas_energy(run: Run) -> tuple[np.ndarray, np.ndarray]:
     """(time [s], energy / that at the start - 1): kinetic, and k overlap^2/2 of every contact."""
-    from scipy.spatial import KDTree
-
-    edge, d = run.scene.domain.hi[0], 2 * gases.RADIUS
-    stored = []
-    for x in run.trace["position"]:
-        place = x % edge
-        place[place >= edge] = 0.0
-        i, j = KDTree(place, boxsize=edge).query_pairs(d, output_type="ndarray").T
-        apart = place[i] - place[j]
-        apart -= edge * np.round(apart / edge)
-        stored.append(float((STIFFNESS * (d - np.linalg.norm(apart, axis=1)) ** 2 / 2).sum()))
+    edge = run.scene.domain.hi[0]
+    overlaps = [gases.overlaps(x, edge) for x in run.trace["position"]]
+    stored = [float((STIFFNESS * d**2 / 2).sum()) for d in overlaps]
     kinetic = gases.MASS / 2 * (run.trace["velocity"] ** 2).sum(axis=(1, 2))
     energy = kinetic + np.array(stored)
     return run.trace["time"], energy / energy[0] - 1

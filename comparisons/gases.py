@@ -60,6 +60,18 @@ def temperature(run: Run) -> np.ndarray:
     return 2 * run.history["kinetic_energy"].to_numpy() / (3 * MASS * len(run.scene.state))
 
 
+def overlaps(position: np.ndarray, edge: float) -> np.ndarray:
+    """Overlaps [m] of all pairs that touch in a periodic cube."""
+    from scipy.spatial import KDTree
+
+    place = position % edge
+    place[place >= edge] = 0.0
+    i, j = KDTree(place, boxsize=edge).query_pairs(2 * RADIUS, output_type="ndarray").T
+    apart = place[i] - place[j]
+    apart -= edge * np.round(apart / edge)
+    return 2 * RADIUS - np.linalg.norm(apart, axis=1)
+
+
 def early_checks() -> tuple[Check, ...]:
     """Positions (by diameter, over the box edge's wrap) and velocities of both codes over the first steps."""
 

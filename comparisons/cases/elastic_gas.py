@@ -115,20 +115,13 @@ def rate(results: Results, code: str, phi: float) -> tuple[float, float]:
 
 def springs(results: Results, code: str, phi: float) -> tuple[np.ndarray, np.ndarray]:
     """(sum of r.F [J], elastic energy [J]) of all contacts at every row of the trace."""
-    from scipy.spatial import KDTree
-
     run = results[f"phi_{phi:g}", code]
 
     def compute() -> tuple[np.ndarray, np.ndarray]:
         k, edge, d = gases.stiffness(SHARES[phi]), run.scene.domain.hi[0], 2 * gases.RADIUS
         rows = []
         for x in run.trace["position"]:
-            place = x % edge
-            place[place >= edge] = 0.0
-            i, j = KDTree(place, boxsize=edge).query_pairs(d, output_type="ndarray").T
-            apart = place[i] - place[j]
-            apart -= edge * np.round(apart / edge)
-            overlap = d - np.linalg.norm(apart, axis=1)
+            overlap = gases.overlaps(x, edge)
             rows.append((float((k * overlap * (d - overlap)).sum()), float((k * overlap**2 / 2).sum())))
         both = np.array(rows)
         return both[:, 0], both[:, 1]

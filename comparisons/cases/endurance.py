@@ -90,7 +90,7 @@ def drift(results: Results, who: str) -> Measured:
 def fine(results: Results, who: str) -> Measured:
     """Largest change of the energy; NaN where too few rows have contacts, or none."""
     run = run_of(results, "fine_gas", who)
-    energy, rows = endurance.fine_energy(run), len(run.history)
+    energy, rows = endurance.fine_energy(run), len(run.history["time"])
     tenth = len(energy) // 10
     note = f"last tenth less first: {energy[-tenth:].mean() - energy[:tenth].mean():.1e}; {rows} rows"
     return Measured(
