@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,6 +42,29 @@ def top_speed(scene: Scene) -> float:
     return own + 2 * max((plane.speed for plane in scene.planes), default=0.0)
 
 
+def _meetings(scene: Scene) -> Iterator[tuple[str, str, float, float, float]]:
+    """(material, partner, R* [m], m* [kg], speed [m/s]): the smallest particles of pairs that can meet.
+
+    The speed is the top speed between particle and wall, twice that between particles.
+    """
+    speed, state = top_speed(scene), scene.state
+    walls = sorted({w.material for w in scene.walls})
+    smallest = {
+        name: float(state.radius[state.material == scene.material_index[name]].min())
+        for name in scene.particle_materials
+    }
+
+    def mass(name: str) -> float:
+        return scene.materials[name].density * 4 / 3 * math.pi * smallest[name] ** 3
+
+    for name, radius in smallest.items():
+        for partner in scene.particle_materials:
+            r = radius * smallest[partner] / (radius + smallest[partner])
+            yield name, partner, r, mass(name) * mass(partner) / (mass(name) + mass(partner)), 2 * speed
+        for partner in walls:
+            yield name, partner, radius, mass(name), speed
+
+
 def contact_time(scene: Scene) -> float:
     """Shortest contact time [s] by the scene's normal law, of the smallest particles of each material pair.
 
@@ -54,28 +78,47 @@ def contact_time(scene: Scene) -> float:
     """
     from gpudem.contact.coefficients import pair_coefficients
 
-    speed, times, state = top_speed(scene), [math.inf], scene.state
-    walls = sorted({w.material for w in scene.walls})
-    smallest = {
-        name: float(state.radius[state.material == scene.material_index[name]].min())
-        for name in scene.particle_materials
-    }
-
-    def mass(name: str) -> float:
-        return scene.materials[name].density * 4 / 3 * math.pi * smallest[name] ** 3
-
-    for name, radius in smallest.items():
-        for wall, partners in ((False, scene.particle_materials), (True, walls)):
-            for partner in partners:
-                r = radius if wall else radius * smallest[partner] / (radius + smallest[partner])
-                m = mass(name) if wall else mass(name) * mass(partner) / (mass(name) + mass(partner))
-                v = speed if wall else 2 * speed
-                k = pair_coefficients(scene, name, partner).k_normal
-                if scene.contact.normal == "hooke":
-                    times.append(math.pi * math.sqrt(m / (k * r**0.4 * m**0.2)))
-                elif v > 0 and k > 0:  # k = 4/3 E*
-                    times.append(2.868266 * (m**2 / (r * (0.75 * k) ** 2 * v)) ** 0.2)
+    times = [math.inf]
+    for name, partner, r, m, v in _meetings(scene):
+        k = pair_coefficients(scene, name, partner).k_normal
+        if scene.contact.normal == "hooke":
+            times.append(math.pi * math.sqrt(m / (k * r**0.4 * m**0.2)))
+        elif v > 0 and k > 0:  # k = 4/3 E*
+            times.append(2.868266 * (m**2 / (r * (0.75 * k) ** 2 * v)) ** 0.2)
     return min(times)
+
+
+def least_restitution(scene: Scene) -> float:
+    """Smallest coefficient of restitution [1] of the pairs that can meet.
+
+    As stated; `hertz/stiffness` states none: there that of an impact at the top speed, from the law itself,
+    m* d'' = -sqrt(R* d) (kn d + gamma_n m* d'), which falls as the speed grows.
+    """
+    if scene.contact.normal != "hertz/stiffness":
+        return min(pair.restitution for pair in scene.contact_pairs)
+    found = [1.0]
+    for name, partner, r, m, v in _meetings(scene):
+        pair = scene.pair(name, partner)
+        if v > 0 and pair is not None and pair.kn and pair.gamma_n:
+            a, b = pair.kn * math.sqrt(r) / m, pair.gamma_n * math.sqrt(r)
+            found.append(_rebound(b * (v**2 / a) ** 0.6 / v))
+    return min(found)
+
+
+def _rebound(damping: float) -> float:
+    """-x' as x'' = -x^1.5 - damping x^0.5 x' comes back to 0 from x' = 1: one number for any impact."""
+    from scipy.integrate import solve_ivp
+
+    def slope(_: float, y: np.ndarray) -> list[float]:
+        x = max(float(y[0]), 0.0)
+        return [float(y[1]), -(x**1.5) - damping * math.sqrt(x) * float(y[1])]
+
+    def back(_: float, y: np.ndarray) -> float:
+        return float(y[0])
+
+    back.terminal, back.direction = True, -1.0  # type: ignore[attr-defined]
+    end = solve_ivp(slope, (0.0, 1e3), [1e-9, 1.0], events=back, rtol=1e-8, atol=1e-12)
+    return float(-end.y[1, -1]) if end.t_events[0].size else 0.0
 
 
 def steps_a_contact(scene: Scene, accuracy: float) -> float:
@@ -84,19 +127,16 @@ def steps_a_contact(scene: Scene, accuracy: float) -> float:
         half_step   max(1.5 / sqrt(accuracy), (|ln e| + 0.1) / accuracy)
         path        2.5 / sqrt(accuracy)
 
-    e is the smallest restitution of the pairs that can meet; `hertz/stiffness`, whose damping states none,
-    counts as e = 1/3 where it damps at all, which is a guess, not a fit. Fitted from above to what the case
-    work_precision measures on normal and oblique impacts, e = 0.3 to 1, accuracy 1e-2 to 1e-3, under a law
-    without jumps (no tangential dashpot, or no friction); with the uncapped dashpot it is a guide alone.
+    e is the smallest restitution of pairs that can meet (`least_restitution`). Fitted from above to what the
+    case work_precision measures on normal and oblique impacts, e = 0.3 to 1, accuracy 1e-2 to 1e-3, under
+    a law without jumps (no tangential dashpot, or no friction); with the uncapped dashpot it is a guide alone.
     """
     elastic = 1.5 / math.sqrt(accuracy)
     if scene.solver.integrator == "path":
         return 2.5 / math.sqrt(accuracy)
     if not scene.needs.damping:
         return elastic
-    if scene.contact.normal == "hertz/stiffness":
-        return 1.2 / accuracy
-    least = min(pair.restitution for pair in scene.contact_pairs)
+    least = max(least_restitution(scene), 0.01)  # an impact that hardly comes back is over in a time of 1
     return max(elastic, (abs(math.log(least)) + 0.1) / accuracy)
 
 

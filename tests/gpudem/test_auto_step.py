@@ -4,11 +4,19 @@ import json
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from comparisons.oracles.impact import impact
 from gpudem.scene import Scene
 from gpudem.simulation import run
-from gpudem.time_scales import USUAL_CONTACT, USUAL_RAYLEIGH, contact_time, rayleigh_time, step_for
+from gpudem.time_scales import (
+    USUAL_CONTACT,
+    USUAL_RAYLEIGH,
+    contact_time,
+    least_restitution,
+    rayleigh_time,
+    step_for,
+)
 from tests.gpudem.beds import falling_bed
 from tests.gpudem.test_integrator import scene as oblique
 
@@ -35,6 +43,44 @@ def test_the_stated_accuracy_is_reached(restitution, accuracy, integrator):
     error = np.abs(trace["position"] - truth.at(trace["time"])["position"]).max() / truth.contact.peak_overlap
     assert error < accuracy
     assert error > accuracy / 30 or stated.time.step == step_for(stated, 0.1)  # 20 steps a contact at least
+
+
+@pytest.mark.parametrize("damping", [0.0, 3e4, 1.5e5])
+def test_hertz_stiffness_reaches_its_accuracy(damping):
+    """Catches a restitution guessed for a law that states none: steps a hundred times too many, or too few.
+
+    Head-on against a wall at 1 m/s; the truth is the law's own equation, solved again here.
+    """
+    radius, kn, accuracy = 0.003, 1e7, 1e-3
+    mass = 1768 * 4 / 3 * np.pi * radius**3
+    stated = Scene(
+        name="impact", materials={"ball": {"young": 5e6, "poisson": 0.34, "density": 1768.0}},
+        pairs=[{"materials": ("ball", "ball"), "restitution": 0.9, "kn": kn, "kt": 0.0, "gamma_n": damping,
+                "gamma_t": 0.0}],
+        contact={"normal": "hertz/stiffness", "tangential": "off"},
+        particles={"source": "explicit", "position": [[0, 0, 1.0001 * radius]], "velocity": [[0, 0, -1.0]],
+                   "radius": radius, "material": "ball"},
+        walls=[{"kind": "box", "name": "floor", "material": "ball", "sides": ["zlo"]}],
+        domain={"lo": (-0.1, -0.1, 0.0), "hi": (0.1, 0.1, 0.1)},
+        time={"step": "auto", "accuracy": accuracy, "duration": 2e-3}, output={"trace_every": 1e-9},
+    )  # fmt: skip
+
+    def slope(_, y):
+        d = max(radius - y[0], 0.0)
+        q = np.sqrt(radius * d)
+        return [y[1], q * (kn * d - damping * mass * y[1]) / mass]
+
+    trace = run(stated).trace
+    assert trace is not None
+    time, tight = trace["time"], {"rtol": 1e-11, "atol": 1e-15, "max_step": 1e-6}
+    found = solve_ivp(slope, (0, time[-1]), [1.0001 * radius, -1.0], t_eval=time, **tight)
+    deepest = radius - found.y[0].min()
+    out = found.y[1, -1]
+    assert out > 0
+    assert least_restitution(stated) == pytest.approx(out, rel=2e-3)
+    error = np.abs(trace["position"][:, 0, 2] - found.y[0]).max() / deepest
+    assert error < accuracy
+    assert error > accuracy / 100
 
 
 def test_the_resolved_scene_states_the_step():
