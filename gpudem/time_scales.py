@@ -127,9 +127,10 @@ def steps_a_contact(scene: Scene, accuracy: float) -> float:
         half_step   max(1.5 / sqrt(accuracy), (|ln e| + 0.1) / accuracy)
         path        2.5 / sqrt(accuracy)
 
-    e is the smallest restitution of pairs that can meet (`least_restitution`). Fitted from above to what the
-    case work_precision measures on normal and oblique impacts, e = 0.3 to 1, accuracy 1e-2 to 1e-3, under
-    a law without jumps (no tangential dashpot, or no friction); with the uncapped dashpot it is a guide alone.
+    e is the smallest restitution of pairs that can meet (`least_restitution`). Fitted from above to what
+    the case work_precision measures on normal and oblique impacts, e = 0.3 to 1, accuracy 1e-2 to 1e-3,
+    under a law without jumps (no tangential dashpot, or no friction); with the uncapped dashpot it is a
+    guide alone.
     """
     elastic = 1.5 / math.sqrt(accuracy)
     if scene.solver.integrator == "path":

@@ -72,8 +72,9 @@ def test_hertz_stiffness_reaches_its_accuracy(damping):
 
     trace = run(stated).trace
     assert trace is not None
-    time, tight = trace["time"], {"rtol": 1e-11, "atol": 1e-15, "max_step": 1e-6}
-    found = solve_ivp(slope, (0, time[-1]), [1.0001 * radius, -1.0], t_eval=time, **tight)
+    time = trace["time"]
+    start = [1.0001 * radius, -1.0]
+    found = solve_ivp(slope, (0, time[-1]), start, t_eval=time, rtol=1e-11, atol=1e-15, max_step=1e-6)
     deepest = radius - found.y[0].min()
     out = found.y[1, -1]
     assert out > 0
