@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from comparisons import dam, plots, render
 from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.metrics import pile, statistics
+from gpudem.scene import Domain
 
 if TYPE_CHECKING:
     import pandas
@@ -22,6 +24,8 @@ RADIUS: dict[Tier, float] = {"standard": 0.011, "full": dam.RADIUS}
 STRIPS = 8
 #: Times after the gate goes [s] of the pictures of the paper, which are of 0.7 s and 0.9 s from the start.
 PICTURES = (0.2, 0.4)
+#: Height of the part of the box that pictures show [m].
+SEEN = 0.32
 #: As in the dam break over seeds.
 ALPHA = 0.01
 
@@ -117,13 +121,18 @@ def _profiles(results: Results) -> MatplotlibFigure:
 
 
 def _pictures(results: Results) -> MatplotlibFigure:
-    views = {}
+    views: dict[str, tuple[Any, Any]] = {}
     for time in (*PICTURES, None):
         for code in results.codes():
             run = results[LABEL, code]
             frame = run.frames[-1] if time is None else run.frames.at(dam.opening(run) + time)
             when = "at rest" if time is None else f"{dam.opening(run) + time:.1f} s"
-            views[f"{plots.NAMES[code]}, {when}"] = (run.scene, frame)
+            lo, (length, depth, _) = run.scene.domain.lo, run.scene.domain.hi
+            box = Domain(lo=lo, hi=(length, depth, SEEN))  # the scene's is as high as its loose lattice
+            views[f"{plots.NAMES[code]}, {when}"] = (
+                SimpleNamespace(domain=box, planes=run.scene.planes),
+                frame,
+            )
     return render.side_by_side(views, time=1.0)
 
 
