@@ -137,7 +137,7 @@ def steps_a_contact(scene: Scene, accuracy: float) -> float:
         return 2.5 / math.sqrt(accuracy)
     if not scene.needs.damping:
         return elastic
-    least = max(least_restitution(scene), 0.01)  # an impact that hardly comes back is over in a time of 1
+    least = max(least_restitution(scene), 0.01)  # 0 has no logarithm
     return max(elastic, (abs(math.log(least)) + 0.1) / accuracy)
 
 

@@ -156,10 +156,12 @@ def _advice(results: Results) -> pandas.DataFrame:
     many = number(endurance.collisions(run_of(results, "gas", "gpudem float64")), 1)
     moved = max(float(np.abs(_gas(results, f"gpudem {p}")[1]).max()) for p in ("float64", "mixed"))
     double, mixed, single = (left(f"gpudem {p}") for p in ("float64", "mixed", "float32"))
+    still_by = number(endurance.creep(run_of(results, "bed_smooth", "gpudem float32")), 1)
     text = (
         f"Without friction a bed comes to rest and stays: after {endurance.SIZES[results.tier].bed:g} s its"
-        f" kinetic energy is {double} (float64) and {mixed} (mixed) of a fall by one diameter; float32 stops"
-        f" at {single} with positions that no longer move. Over {many} elastic collisions of"
+        f" kinetic energy is {double} (float64) and {mixed} (mixed) of a fall by one diameter; float32 is"
+        f" left with {single} while its balls move by {still_by} of a radius"
+        f" in the last half. Over {many} elastic collisions of"
         f" {endurance.STEPS} steps each the energy changes by {number(moved, 1)} at most, in mixed as in"
         " float64."
     )
