@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from comparisons.beds import STEP, bed_scene, bench_scene, tiled
+from comparisons.beds import COUNT, STEP, bed_scene, bench_scene, tiled
 from comparisons.case import Results
 from comparisons.metrics import trace as measure
 from gpudem.run import Run
@@ -98,14 +98,14 @@ def burst() -> Scene:
     """A settled bed stepped 40 times too far at once: it blows up."""
     step = 40 * STEP
     return bench_scene(
-        "settled", 1, 1, time=Time(step=step, duration=400 * step), allow=("time_step",),
+        "settled", COUNT, 1, time=Time(step=step, duration=400 * step), allow=("time_step",),
         output=Output(history_every=50 * step),
     )  # fmt: skip
 
 
 def still() -> Scene:
     """The settled bed of 5000 balls for ten steps: where its contacts are."""
-    return bench_scene("settled", 1, 10)
+    return bench_scene("settled", COUNT, 10)
 
 
 def flow(law: str = "default") -> Scene:

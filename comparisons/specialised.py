@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from comparisons import gases
-from comparisons.beds import FRICTIONLESS, MATERIALS, PAIRS, bed_scene, bench_scene
+from comparisons.beds import COUNT, FRICTIONLESS, MATERIALS, PAIRS, bed_scene, bench_scene
 from comparisons.case import Measured, Results, Tier, Variant
 from gpudem.run import Run
 from gpudem.scene import Contact, Material, Output, Pair, Scene, Time
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pandas
 
 TIERS: tuple[Tier, ...] = ("full",)
-STEPS, REPEATS, COUNT = 1500, 3, 4913
+STEPS, REPEATS, GAS = 1500, 3, 4913
 HOW = ("leaving out", "everything")
 
 
@@ -24,7 +24,7 @@ def _gas() -> Scene:
     """Elastic spheres without walls, gravity, friction or spin."""
     step = 2e-6
     return gases.gas_box(
-        "gas", COUNT, 0.3, 1,
+        "gas", GAS, 0.3, 1,
         materials={"ball": Material(young=1e8, poisson=gases.POISSON, density=gases.DENSITY)},
         pairs=[Pair(materials=("ball", "ball"))], contact=Contact(tangential="off"),
         time=Time(step=step, duration=STEPS * step), output=Output(trace_every=STEPS * step),
@@ -32,14 +32,14 @@ def _gas() -> Scene:
 
 
 def _bed(**changes) -> Scene:
-    scene = bench_scene("settled", 1, STEPS, **changes)
+    scene = bench_scene("settled", COUNT, STEPS, **changes)
     return scene.replace(output={"trace_every": STEPS * scene.time.step})
 
 
 def _two_materials() -> Scene:
     """Every other ball as heavy again."""
     heavy = {**MATERIALS["polystyrene"], "density": 2 * MATERIALS["polystyrene"]["density"]}
-    one = bench_scene("settled", 1, STEPS)
+    one = bench_scene("settled", COUNT, STEPS)
     particles = one.particles.model_dump()
     particles["material"] = ("polystyrene", "heavy") * (len(one.state) // 2)
     others = [
@@ -54,7 +54,7 @@ def _two_materials() -> Scene:
 
 def _polydisperse() -> Scene:
     """Radii from 0.85 to 1 of the bed's, one for each ball."""
-    one = bench_scene("settled", 1, STEPS)
+    one = bench_scene("settled", COUNT, STEPS)
     particles = one.particles.model_dump()
     rng = np.random.default_rng(1)
     particles["radius"] = rng.uniform(0.85, 1.0, len(one.state)) * particles["radius"]

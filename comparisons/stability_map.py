@@ -102,7 +102,8 @@ def settled(tier: Tier) -> dict[str, tuple[Scene, Spot]]:
         for share in shares:
             step = share * whole
             scene = beds.bench_scene(
-                "settled", 1, BED_STEPS, pairs=pairs, time=Time(step=step, duration=BED_STEPS * step),
+                "settled", beds.COUNT, BED_STEPS, pairs=pairs,
+                time=Time(step=step, duration=BED_STEPS * step),
                 output=Output(history_every=10 * step), allow=("time_step",),
             )  # fmt: skip
             found[f"bed_e{100 * e:g}_{100 * share:g}"] = (scene, Spot("bed", share, e, 0.3, ()))

@@ -17,19 +17,29 @@ import warp as wp
 
 
 class Crew:
-    """Runs recorded launches on `threads` cores, in whole blocks; the caller's thread takes the first."""
+    """Runs recorded launches on up to `threads` cores; the caller's thread takes the first slice."""
 
     def __init__(self, n: int, block: int, device: Any, threads: int | None = None):
         self.device, self.n = device, n
-        wanted = threads or len(os.sched_getaffinity(0))
-        blocks = -(-n // block)
-        self.threads = 1 if device.is_cuda else max(1, min(wanted, blocks))
-        edges = [min(n, block * (blocks * k // self.threads)) for k in range(self.threads + 1)]
-        self.slices = list(itertools.pairwise(edges))
-        self._jobs = [queue.SimpleQueue() for _ in range(self.threads - 1)]
+        self._most = 1 if device.is_cuda else threads or len(os.sched_getaffinity(0))
+        self._jobs: list[queue.SimpleQueue] = []
         self._done: queue.SimpleQueue = queue.SimpleQueue()
-        for jobs in self._jobs:
-            threading.Thread(target=self._work, args=(jobs, self._done), daemon=True).start()
+        self.cut(block)
+
+    def cut(self, block: int) -> None:
+        """Slices of whole blocks of so many particles, for commands from now on."""
+        blocks = -(-self.n // block)
+        count = max(1, min(self._most, blocks))
+        edges = [min(self.n, block * (blocks * k // count)) for k in range(count + 1)]
+        self.slices = list(itertools.pairwise(edges))
+        while len(self._jobs) < count - 1:
+            self._jobs.append(queue.SimpleQueue())
+            threading.Thread(target=self._work, args=(self._jobs[-1], self._done), daemon=True).start()
+
+    @property
+    def threads(self) -> int:
+        """Cores in use."""
+        return len(self.slices)
 
     @staticmethod
     def _work(jobs: queue.SimpleQueue, done: queue.SimpleQueue) -> None:
@@ -58,10 +68,10 @@ class Crew:
         return lambda: self._run(launches)
 
     def _run(self, launches: list[Any]) -> None:
-        for jobs, launch in zip(self._jobs, launches[1:], strict=True):
+        for jobs, launch in zip(self._jobs, launches[1:], strict=False):  # fewer slices since the last cut
             jobs.put(launch)
         launches[0].launch()
-        errors = [self._done.get() for _ in self._jobs]
+        errors = [self._done.get() for _ in launches[1:]]
         for error in errors:
             if error is not None:
                 raise error

@@ -270,7 +270,8 @@ def step_kernel(spec: Spec) -> Any:
                             particles.spring[k] = spring_new
                         if wp.static(spec.rolling_history):
                             particles.rolling[k] = rolling
-                        particles.neighbor[k] = -j - 1
+                        if entry >= 0:
+                            particles.neighbor[k] = -j - 1
             else:
                 if wp.static(spec.memory):
                     if entry < 0:

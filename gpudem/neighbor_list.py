@@ -32,23 +32,33 @@ from gpudem.state import State
 def cell_grid(scene: Scene) -> tuple[tuple[int, int, int], np.ndarray]:
     """Cells along each axis, each at least one reach wide, and cells per length [1/m].
 
-    At most two cells a particle (and 4096), so that a large, nearly empty domain costs no memory.
+    At most eight cells a particle (and 4096), so that a large, nearly empty domain costs no memory.
     """
     size = np.array(scene.domain.hi) - np.array(scene.domain.lo)
     edge = 2 * float(scene.state.radius.max()) + scene.skin
-    limit = 2 * len(scene.state) + 4096
+    limit = 8 * len(scene.state) + 4096
     while math.prod(cells := tuple(max(1, math.floor(s / edge)) for s in size)) > limit:
         edge *= 1.26  # half as many cells
     return cells, np.array(cells) / size  # type: ignore[return-value]
 
 
-def block_size(n: int, cells: tuple[int, int, int]) -> int:
+def layers_of_cells(position: np.ndarray, cell_rate: np.ndarray) -> np.ndarray:
+    """Layers of cells along x, y, z that hold particles; outliers, a twentieth on each side, are left out.
+
+    Sorted along the axis with most of them, a layer is small: neighbours lie near each other in memory, and
+    blocks of the half list have few pairs across.
+    """
+    low, high = np.nan_to_num(np.quantile(position, (0.05, 0.95), axis=0))
+    return np.maximum((high - low) / 0.9 * cell_rate, 1.0)
+
+
+def block_size(n: int, layers: float) -> int:
     """Particles of a block of the half list: a power of two blocks, at most 64, of 1000 particles or more.
 
     Sorted particles fill the cells layer by layer; blocks of eight layers leave few pairs across, which are
     computed twice.
     """
-    most = min(n // 1000, cells[2] // 8, 64)
+    most = min(n // 1000, int(layers) // 8, 64)
     blocks = 1 << (most.bit_length() - 1) if most else 1
     return -(-n // blocks)
 
@@ -125,7 +135,7 @@ class NeighborList:
             self._allocate(int(1.2 * entries))
 
     def set_walls(self, walls: Any) -> None:
-        """The planes to look for from now on; `rebuild` must follow."""
+        """The planes to look for from now on, in the order `params` now say; `rebuild` must follow."""
         self.walls = walls
         self._commands.clear()
 
@@ -142,7 +152,7 @@ class NeighborList:
             device=state.device,
         )
         self._run("gather")
-        wp.copy(state.now, state.scratch)
+        state.swap()
         for name in self._moved_arrays:
             wp.copy(getattr(p, name), getattr(self.scratch, name))
         self._run("count")
@@ -163,11 +173,11 @@ class NeighborList:
         state = self.state
         parity = id(state.now)
         if (name, parity) not in self._commands:
-            p, now, scratch = state.particles, state.now, state.scratch
+            p, now = state.particles, state.now
             listing = [p, self.key, self.cell_start, self.order]
             inputs, outputs = {
                 "cells": ([p, now], [self.key, self.order, self.status]),
-                "gather": ([self.order, self.walls, now, p], [scratch, self.scratch, self.status]),
+                "gather": ([self.order, self.walls, now, p], [state.next, self.scratch, self.status]),
                 "count": ([*listing, self.count, self.hits], [None, None, None, self.status]),
                 "fill": (
                     [*listing, self.start, self.hits],

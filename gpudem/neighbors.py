@@ -23,9 +23,9 @@ OK, LOST, NOT_A_NUMBER, TOO_FAST, TOO_DEEP, DEEP_IN_WALL = 0, 1, 2, 3, 4, 5
 
 
 @wp.func
-def first_cell(c: wp.int32, n: wp.int32, periodic: bool):
+def first_cell(c: wp.int32, n: wp.int32, periodic: wp.int32):
     """First of the cells to visit around c along one axis."""
-    if periodic:
+    if periodic != 0:
         if n < 3:
             return 0
         return c - 1
@@ -33,9 +33,9 @@ def first_cell(c: wp.int32, n: wp.int32, periodic: bool):
 
 
 @wp.func
-def last_cell(c: wp.int32, n: wp.int32, periodic: bool):
+def last_cell(c: wp.int32, n: wp.int32, periodic: wp.int32):
     """Last of the cells to visit; may lie outside 0..n-1 where the axis is periodic."""
-    if periodic:
+    if periodic != 0:
         if n < 3:
             return n - 1
         return c + 1
@@ -99,7 +99,8 @@ def cell_kernel(spec: Spec) -> Any:
         if wp.dot(v, v) > params.speed_limit:
             status[1] = particles.id[i]
             status[0] = wp.int32(TOO_FAST)
-        key[i] = (cell[2] * params.cells[1] + cell[1]) * params.cells[0] + cell[0]
+        fast, middle, slow = params.axes[0], params.axes[1], params.axes[2]
+        key[i] = (cell[slow] * params.cells[middle] + cell[middle]) * params.cells[fast] + cell[fast]
         order[i] = i
 
     return cells
@@ -206,7 +207,6 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
     t = structs(spec.precision, spec.vibration)
     Params, Particles = t.Params, t.Particles
     nearest = nearest_image(spec.periodic, spec.precision)
-    px, py, pz = spec.periodic
     carry = fill and spec.memory
 
     @wp.func
@@ -246,15 +246,19 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
         block = wp.int32(0)  # first particle of the block
         if wp.static(spec.half_list):
             block = i // params.block * params.block
-        nx, ny, nz = params.cells[0], params.cells[1], params.cells[2]
-        cx = key[i] % nx
-        cy = key[i] // nx % ny
-        cz = key[i] // (nx * ny)
+        # a, b, c: along the fastest axis of the sorted order, the middle one, the slowest
+        around_a, around_b = params.around[params.axes[0]], params.around[params.axes[1]]
+        around_c = params.around[params.axes[2]]
+        na, nb = params.cells[params.axes[0]], params.cells[params.axes[1]]
+        nc = params.cells[params.axes[2]]
+        a = key[i] % na
+        b = key[i] // na % nb
+        c = key[i] // (na * nb)
         count = wp.int32(0)
         touching = wp.int32(0)
         first = wp.int32(0)
-        lowest = first_cell(cz, nz, wp.static(pz))
-        highest = last_cell(cz, nz, wp.static(pz))
+        lowest = first_cell(c, nc, around_c)
+        highest = last_cell(c, nc, around_c)
         if wp.static(fill):
             first = start[i]
             found = start[i + 1] - first
@@ -263,20 +267,20 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
                 for m in range(found):
                     neighbor[first + m] = hits[i * HITS + m]
                 count = wp.int32(0) + found
-        for az in range(lowest, highest + 1):
-            for ay in range(first_cell(cy, ny, wp.static(py)), last_cell(cy, ny, wp.static(py)) + 1):
-                row = ((az + nz) % nz * ny + (ay + ny) % ny) * nx
-                # cells along x lie side by side in the sorted order: one run, unless x wraps round
-                left = first_cell(cx, nx, wp.static(px))
-                right = last_cell(cx, nx, wp.static(px))
+        for at_c in range(lowest, highest + 1):
+            for at_b in range(first_cell(b, nb, around_b), last_cell(b, nb, around_b) + 1):
+                row = ((at_c + nc) % nc * nb + (at_b + nb) % nb) * na
+                # cells along a lie side by side in the sorted order: one run, unless they wrap round
+                left = first_cell(a, na, around_a)
+                right = last_cell(a, na, around_a)
                 runs = wp.int32(1)
-                if wp.static(px):
+                if left < 0 or right >= na:
                     runs = right - left + 1
                 for run in range(runs):
                     begin_cell = row + left
                     end_cell = row + right + 1
-                    if wp.static(px):
-                        begin_cell = row + (left + run + nx) % nx
+                    if runs > 1:
+                        begin_cell = row + (left + run + na) % na
                         end_cell = begin_cell + 1
                     begin_j = cell_start[begin_cell]
                     if wp.static(spec.half_list):

@@ -19,7 +19,7 @@ from gpudem.scene import Scene
 
 FILE = "restart.npz"
 #: Counts up when what is in the file changes.
-VERSION = 1
+VERSION = 2
 
 
 @dataclasses.dataclass(frozen=True)

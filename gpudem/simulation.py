@@ -121,7 +121,7 @@ def _run(
                 device=str(simulation.device),
                 cores=simulation.crew.threads,
                 precision=scene.solver.precision,
-                peak_memory_bytes=_peak_memory(),
+                peak_memory_bytes=peak_memory(),
             ),
             warnings=scene_checks.step_warnings(scene) + guards.energy_warnings(scene, recorder.history),
             notes=notes,
@@ -215,8 +215,15 @@ class _Clock:
             self._progress(self._simulation.step_count)
 
 
-def _peak_memory() -> int:
-    """Largest resident size of this process so far [bytes]."""
+def peak_memory() -> int:
+    """Largest resident size of this process so far [bytes].
+
+    On Linux from the kernel's own mark: getrusage starts a new program with the size of its parent.
+    """
+    status = Path("/proc/self/status")
+    if status.is_file():
+        lines = status.read_text().splitlines()
+        return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM:")) * 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 

@@ -21,7 +21,7 @@ from gpudem.device import find_device
 from gpudem.errors import SimulationError
 from gpudem.frames import Frame
 from gpudem.kernels import SETUP, WRITE, step_kernel
-from gpudem.neighbor_list import NeighborList, block_size, cell_grid
+from gpudem.neighbor_list import NeighborList, block_size, cell_grid, layers_of_cells
 from gpudem.neighbors import cell_starts
 from gpudem.scene import Plane, Scene
 from gpudem.spec import Spec
@@ -55,6 +55,7 @@ class Simulation:
         self.chunk = chunk or (CUDA_CHUNK if self.device.is_cuda else 1)
         self.state = State(scene, self.spec, self.device, self.chunk)
         self.params = self._params()
+        self._choose_order(scene.state.position)
         self.crew = Crew(self.state.n, self.params.block, self.device, threads)
         if self.spec.several_materials:
             self.state.particles.pairs = pair_table(self.state, scene, scene.particle_materials)
@@ -80,16 +81,23 @@ class Simulation:
             t.wide3(*(np.array(scene.domain.hi) - np.array(scene.domain.lo))),
         )
         p.cells, p.cell_rate = wp.vec3i(*cells), t.wide3(*rate)
+        p.around = wp.vec3i(*[int(side) for side in scene.domain.periodic])
         p.speed_limit = guards.speed_limit(scene) ** 2
         p.overlap_limit = guards.overlap_limit(scene)
         p.skin, p.move_limit = scene.skin, (scene.skin / 2) ** 2
         p.radius, p.mass = float(scene.state.radius.max()), float(masses(scene)[0])
         p.kick = 0.5 * scene.time.step / p.mass
         p.spin_kick = 0.5 * scene.time.step / (0.4 * p.radius * p.radius * p.mass)
-        p.block = block_size(self.state.n, cells)
         p.n, p.planes, p.materials = self.state.n, self.state.planes, len(scene.particle_materials)
         p.pair = pair_entries(self.state, scene, scene.particle_materials[:1])[0]
         return p
+
+    def _choose_order(self, position: np.ndarray) -> None:
+        """The order in which particles are sorted, slowest along their longest extent, and its blocks."""
+        p = self.params
+        layers = layers_of_cells(position, cell_grid(self.scene)[1])
+        p.axes = wp.vec3i(*np.argsort(layers, kind="stable").tolist())
+        p.block = block_size(self.state.n, float(layers.max()))
 
     def _compile(self) -> float:
         begin = time.perf_counter()
@@ -110,6 +118,8 @@ class Simulation:
         """
         if self.step_count > 0:
             self._take_full_velocities()
+            self._choose_order(self.state.now.numpy()["position"])
+            self.crew.cut(self.params.block)
         self.walls = wall_table(self.state, self.scene, self.scene.planes if planes is None else planes)
         self._forget_commands()
         self.neighbors.set_walls(self.walls)
@@ -228,7 +238,8 @@ class Simulation:
             array = getattr(state.particles, name).numpy()
             kept[name] = (array[:total] if name in self.neighbors.entry_arrays else array).copy()
         done = [self.step_count, self.neighbors.rebuilds, self._stale]
-        kept["counts"] = np.array([*done, self.spec.half_list, self.params.block], np.int64)
+        order = [self.params.block, *self.params.axes]
+        kept["counts"] = np.array([*done, self.spec.half_list, *order], np.int64)
         return kept
 
     def resume(self, saved: dict[str, np.ndarray], planes: list[Plane] | None = None) -> None:
@@ -239,8 +250,10 @@ class Simulation:
         state, counts = self.state, [int(v) for v in saved["counts"]]
         names = {"now", "counts", *self._kept_arrays()}
         same = names == set(saved) and state.now.numpy().dtype == saved["now"].dtype
-        if not same or counts[3:] != [self.spec.half_list, self.params.block]:
+        if not same or counts[3] != self.spec.half_list:
             raise SimulationError("the saved state is of another scene, precision or kind of device")
+        self.params.block, self.params.axes = counts[4], wp.vec3i(*counts[5:])
+        self.crew.cut(self.params.block)
         state.now.assign(saved["now"])
         self.neighbors.make_room(len(saved["neighbor"]))
         for name in self._kept_arrays():

@@ -38,6 +38,8 @@ def structs(precision: str, vibration: bool) -> SimpleNamespace:
         lo: wide3  # lower corner of the domain [m]
         size: wide3  # length of the domain [m]
         cells: wp.vec3i  # cells along x, y, z
+        axes: wp.vec3i  # the axis along which sorted particles vary fastest, the middle one, the slowest
+        around: wp.vec3i  # 1: that axis is periodic
         cell_rate: wide3  # cells per length [1/m]
         skin: wide  # [m]
         move_limit: wide  # (skin/2)^2 [m2]
@@ -128,7 +130,7 @@ def body_struct(precision: str, rotation: bool, path: bool) -> Any:
 
 
 class State:
-    """All device arrays of a run: `now` and `next`, read and written in turn; `scratch` for rebuilds; ..."""
+    """All device arrays of a run: `now` and `next`, read and written in turn; `particles`; `full`."""
 
     def __init__(self, scene: Scene, spec: Spec, device: Any, chunk: int):
         self.types = t = structs(spec.precision, spec.vibration)
@@ -144,7 +146,7 @@ class State:
         for name in ("position", "velocity", *(["angular_velocity"] * spec.rotation)):
             bodies[name] = getattr(initial, name)
         self.now = wp.array(bodies, dtype=Body, device=device)
-        self.next, self.scratch = wp.zeros_like(self.now), wp.zeros_like(self.now)
+        self.next = wp.zeros_like(self.now)
 
         self.particles = p = t.Particles()
         p.id = wp.array(np.arange(n, dtype=np.int32), device=device)
@@ -188,7 +190,7 @@ class State:
             self.full.contacts = wp.zeros(self.n, dtype=wp.int32, device=self.device)
 
     def swap(self) -> None:
-        """The step's result becomes the present."""
+        """What was written, by a step or by a rebuild, becomes the present."""
         self.now, self.next = self.next, self.now
 
     def arrays(self) -> dict[str, wp.array]:
@@ -196,7 +198,7 @@ class State:
         groups = {"particles": self.particles}
         if self.full is not None:
             groups["full"] = self.full
-        found = {"now": self.now, "next": self.next, "scratch": self.scratch}
+        found = {"now": self.now, "next": self.next}
         for group, struct in groups.items():
             for name in struct._cls.vars:
                 value = getattr(struct, name)

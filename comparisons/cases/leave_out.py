@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas
 
 from comparisons import specialised
-from comparisons.beds import FRICTIONLESS, bench_scene
+from comparisons.beds import COUNT, FRICTIONLESS, bench_scene
 from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
 from gpudem.errors import GpudemError
 from gpudem.run import Run
@@ -17,10 +17,11 @@ ONLY_FULL = ("angular_velocity", "spring", "wall_spring", "wall_touch")
 
 def variants(tier: Tier) -> list[Variant]:
     steps, one = STEPS[tier], {"gpudem": {"threads": 1}}
-    plain = bench_scene("settled", 1, steps, pairs=FRICTIONLESS).replace(particles={"angular_velocity": None})
+    plain = bench_scene("settled", COUNT, steps, pairs=FRICTIONLESS)
+    plain = plain.replace(particles={"angular_velocity": None})
     return [
         Variant(PLAIN, plain, ("gpudem",), one),
-        Variant(FULL, bench_scene("settled", 1, steps), ("gpudem",), one),
+        Variant(FULL, bench_scene("settled", COUNT, steps), ("gpudem",), one),
         *specialised.variants(tier),
     ]
 
@@ -180,7 +181,11 @@ CASE = Case(
             specialised.table, tiers=("full",), recorded=True,
         ),
         Table("Both scenes", "One core, float64, 5000 spheres settled behind the gate.", summary),
-        Table("Every array", "Bytes per particle; `next` and `scratch` are working copies.", array_table),
+        Table(
+            "Every array",
+            "Bytes per particle; `next` is what a step or a rebuild writes; `list.*` are working copies.",
+            array_table,
+        ),
         Table("Step kernel on sm_90", "Registers of a thread, bytes spilled; no GPU needed.", kernel_table),
     ),
     features=("leaving out", "CUDA compile"),

@@ -8,7 +8,7 @@ from importlib import resources
 
 import pandas
 
-from comparisons.beds import bench_scene
+from comparisons.beds import COUNT, bench_scene
 from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
 
 BEDS = ("settled", "flowing")
@@ -21,7 +21,7 @@ def variants(tier: Tier) -> list[Variant]:
     steps, repeats, cores = PLAN[tier]
     return [
         Variant(
-            f"{bed}_{n}_{repeat}", bench_scene(bed, 1, steps),
+            f"{bed}_{n}_{repeat}", bench_scene(bed, COUNT, steps),
             options={"gpudem": {"threads": n}, "liggghts": {"ranks": n, "use_recorded": False}},
         )
         for bed in BEDS for n in cores for repeat in range(repeats)

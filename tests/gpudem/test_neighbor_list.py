@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gpudem.neighbor_list import NeighborList, cell_grid
+from gpudem.neighbor_list import NeighborList, block_size, cell_grid
 from gpudem.scene import Scene
 from gpudem.solver import Simulation
 from tests.gpudem.beds import MATERIALS
@@ -44,7 +44,7 @@ def listed_pairs(simulation: Simulation) -> set[tuple[int, int]]:
 def half_list(request, monkeypatch) -> bool:
     """The list of a CUDA device, of the CPU, and of the CPU with many particles."""
     if request.param == "half in blocks":
-        monkeypatch.setattr("gpudem.solver.block_size", lambda n, cells: 60)
+        monkeypatch.setattr("gpudem.solver.block_size", lambda n, layers: 60)
     return request.param != "full"
 
 
@@ -65,6 +65,7 @@ def all_pairs(scene: Scene) -> set[tuple[int, int]]:
         (1, (0.1, 0.1, 0.1), (True, True, True)),
         (1, (0.1, 0.0161, 0.1), (False, True, False)),  # two cells across
         (1, (0.0161, 0.0241, 0.1), (True, True, False)),  # two and three cells across
+        (1, (0.1, 0.05, 0.0321), (True, True, True)),  # slowest along x, fastest along z, four cells
         (5, (0.2, 0.2, 0.2), (True, False, True)),
         (50, (0.5, 0.5, 0.5), (True, True, True)),
     ],
@@ -136,3 +137,22 @@ def test_cells_of_a_large_empty_domain_are_few():
     large = scene.replace(domain={"hi": (1000.0, 1000.0, 1000.0)})
     cells, _ = cell_grid(large)
     assert np.prod(cells) <= 2 * 10 + 4096
+
+
+def test_sorted_slowest_along_the_longest_extent():
+    """Catches layers taken from the domain, which may be mostly empty, or the longest axis sorted fastest."""
+    scene = cloud(np.full(400, 0.003), (0.3, 0.05, 0.1), (False, False, False), seed=3)
+    wide = scene.replace(domain={"lo": (0, 0, 0), "hi": (0.3, 0.05, 3.0)})
+    simulation = Simulation(wide)
+    simulation.neighbors.rebuild()
+    assert list(simulation.params.axes) == [1, 2, 0]
+    x = simulation.state.now.numpy()["position"][:, 0]
+    assert (np.diff(x) > -wide.skin - 0.006 - 0.3 / simulation.params.cells[0]).all()
+    assert listed_pairs(simulation) == all_pairs(wide)
+
+
+@pytest.mark.parametrize(("layers", "blocks"), [(7.9, 1), (16.0, 2), (31.0, 2), (64.0, 8), (1e4, 64)])
+def test_blocks_are_eight_layers_or_more(layers, blocks):
+    """Catches blocks so thin that most pairs lie across."""
+    assert -(-100_000 // block_size(100_000, layers)) == blocks
+    assert block_size(900, layers) == 900

@@ -1,0 +1,122 @@
+"""`gpudem bench`: what it makes of its measurements, and one real measurement."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from comparisons import bench, bench_worker, roofline
+from comparisons.beds import COUNT, STEP, bench_scene
+from gpudem.errors import GpudemError
+from gpudem.solver import Simulation
+
+
+def row(**changes) -> bench.Row:
+    plain = bench.Row(
+        state="settled", code="gpudem", particles=20_000, steps=100, cores=1, device="cpu",
+        precision="float64", repeat=0, rate=4e6, peak_memory_bytes=2 * 10**8,
+    )  # fmt: skip
+    return dataclasses.replace(plain, **changes)
+
+
+def test_ratios_compare_within_a_repeat():
+    """Catches medians divided by medians, and LIGGGHTS on one rank taken for gpudem on two cores."""
+    rows = [row(repeat=k, rate=rate) for k, rate in enumerate((4e6, 6e6, 5e6))]
+    rows += [row(repeat=k, rate=rate, code="liggghts") for k, rate in enumerate((2e6, 6e6, 2e6))]
+    rows += [row(cores=2, rate=8e6)]
+    one, two = bench.summary(rows)
+    assert (one["ratio"], one["ratio least"], one["ratio most"]) == (2.0, 1.0, 2.5)
+    assert two["ratio"] is None
+    assert two["over one core"] == 2.0
+    assert one["s a simulated s"] == pytest.approx(20_000 / 5e6 / STEP)
+
+
+def test_share_of_the_roofline():
+    bandwidths = [{"device": "cpu", "cores": 1, "bytes_per_s": 10e9}]
+    (line,) = bench.summary([row(moved_bytes=500.0)], bandwidths)
+    assert line["of the roofline [%]"] == pytest.approx(20.0)
+
+
+def test_exponent_of_the_cost():
+    """Catches small beds, which stay in the caches, counted in."""
+    sizes = (1000, 10_000, 100_000, 1_000_000)
+    rows = [row(particles=n, rate=1e9 if n == 1000 else 1e7 * n**-0.1) for n in sizes]
+    (line,) = bench.scaling(rows)
+    assert line["exponent"] == pytest.approx(1.1)
+    assert line["up to"] == 1_000_000
+
+
+def test_memory_a_particle():
+    rows = [row(particles=n, peak_memory_bytes=2**28 + 1500 * n) for n in (5000, 20_000, 120_000)]
+    (line,) = bench.memory(rows)
+    assert line["bytes a particle"] == pytest.approx(1500)
+    assert line["and [MiB]"] == pytest.approx(256)
+
+
+def test_moved_bytes_of_a_known_bed():
+    """Catches an array left out of the count or counted twice."""
+    simulation = Simulation(bench_scene("settled", 1000, 20), threads=1)
+    simulation.start()
+    simulation.advance(5)
+    n = simulation.state.n
+    entries = simulation.state.particles.neighbor.numpy()[: simulation.state.particles.start.numpy()[-1]]
+    motion, built_at, so_far, marks = 2 * 72, 24, 2 * 48, 4 * (n + 1) / n + 8
+    listed = (4 * len(entries) + 48 * np.count_nonzero(entries < 0)) / n
+    assert bench_worker.moved_bytes(simulation) == pytest.approx(motion + built_at + so_far + marks + listed)
+    simulation.close()
+
+
+def test_beds_below_and_above_one():
+    assert len(bench_scene("settled", 1000, 1).state) == 1000
+    assert len(bench_scene("settled", 2 * COUNT, 1).state) == 2 * COUNT
+    with pytest.raises(ValueError, match="7000 particles"):
+        bench_scene("settled", 7000, 1)
+
+
+def test_measures_and_writes(tmp_path):
+    out = tmp_path / "bench.json"
+    arguments = "--sizes 1000 --cores 1 --repeats 1 --beds flowing --precision mixed --budget 1e5"
+    arguments += " --no-liggghts"
+    done = CliRunner().invoke(bench.command, [*arguments.split(), "--out", str(out)], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    data = json.loads(out.read_text())
+    (only,) = data["rows"]
+    assert only["steps"] == 100
+    assert only["contacts"] > 0.5
+    assert 0 < data["summary"][0]["of the roofline [%]"] < 300
+    assert 0 < only["first_step_s"] < 60
+    assert data["provenance"]["commit"]
+
+
+def test_what_does_not_fit_is_left_out(monkeypatch):
+    class Memory:
+        available = 2**30
+
+    monkeypatch.setattr(bench.psutil, "virtual_memory", lambda: Memory)
+    assert bench.fits(120_000)
+    assert not bench.fits(10_000_000)
+
+
+@pytest.mark.parametrize("arguments", ["--sizes many", "--cores 0", "--sizes 5000,-1"])
+def test_bad_numbers(arguments):
+    done = CliRunner().invoke(bench.command, arguments.split())
+    assert done.exit_code == 2
+    assert "wanted" in done.output
+
+
+def test_more_cores_than_there_are():
+    with pytest.raises(GpudemError, match="this process may use"):
+        bench.main(["--cores", "4096", "--no-liggghts"])
+
+
+def test_a_failing_worker_says_why():
+    with pytest.raises(GpudemError, match="7000 particles"):
+        bench.measure_gpudem("settled", 7000, 10, 1, "cpu", "float64")
+
+
+def test_bandwidth_is_that_of_memory(monkeypatch):
+    """Catches a time that is not that of the copy: of the launch alone on a GPU, of the start-up."""
+    monkeypatch.setattr(roofline, "LENGTH", 1 << 22)
+    assert 5e8 < roofline.bandwidth("cpu", 1, repeats=2) < 1e12
