@@ -17,11 +17,13 @@ from gpudem.spec import Spec
 
 @dataclasses.dataclass(frozen=True)
 class KernelResources:
-    """Of one thread: registers; bytes spilled to local memory; bytes of stack."""
+    """Of one thread: registers; bytes spilled to local memory; bytes of stack; 16-byte loads and stores."""
 
     registers: int
     spill_bytes: int
     stack_bytes: int
+    wide_loads: int
+    wide_stores: int
 
 
 def find_ptxas() -> str | None:
@@ -49,6 +51,7 @@ def step_kernel_resources(spec: Spec, architecture: int = 90) -> KernelResources
         module = step_kernel(spec).module
         ptx = Path(warp.compile_aot_module(module, arch=architecture, module_dir=folder, use_ptx=True)[0])
         ptx.write_bytes(ptx.read_bytes().rstrip(b"\0"))  # Warp ends the text with a NUL that ptxas refuses
+        text = ptx.read_text()
         command = [ptxas, "-v", f"-arch=sm_{architecture}", str(ptx), "-o", str(Path(folder) / "out.cubin")]
         report = subprocess.run(command, capture_output=True, text=True, check=False)
     if report.returncode:
@@ -65,4 +68,6 @@ def step_kernel_resources(spec: Spec, architecture: int = 90) -> KernelResources
         registers=number(r"Used (\d+) registers"),
         spill_bytes=number(r"(\d+) bytes spill stores") + number(r"(\d+) bytes spill loads"),
         stack_bytes=number(r"(\d+) bytes stack frame"),
+        wide_loads=len(re.findall(r"\bld\.global\.nc\.(v2\.f64|v4\.f32)\b", text)),
+        wide_stores=len(re.findall(r"\bst\.global\.(v2\.f64|v4\.f32)\b", text)),
     )

@@ -26,7 +26,7 @@ def _copy(
     target: wp.array[wp.float64],
 ):
     i = begin + wp.tid()
-    target[i] = scale * source[i]  # pyright: ignore[reportIndexIssue]
+    target[i] = scale * source[i]
 
 
 def bandwidth(device: str, cores: int, repeats: int = 5) -> float:

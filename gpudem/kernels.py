@@ -13,10 +13,11 @@ from typing import Any
 
 import warp as wp
 
+from gpudem.body import body_reader, body_struct, body_writer
 from gpudem.contact.law import contact_law, damping_force
 from gpudem.contact.types import contact_struct
 from gpudem.spec import Spec
-from gpudem.state import body_struct, structs
+from gpudem.state import structs
 from gpudem.walls import distance_now, plane_distance
 
 #: Mode bits. SETUP: velocities are at the full step, springs only evaluated. WRITE: keep forces, velocities.
@@ -59,7 +60,12 @@ def step_kernel(spec: Spec) -> Any:
     t = structs(spec.precision, spec.vibration)
     real, vec3, wide, wide3 = t.real, t.vec3, t.wide, t.wide3
     Params, Particles, Walls, Full = t.Params, t.Particles, t.Walls, t.Full
-    Body = body_struct(spec.precision, spec.rotation, spec.path)
+    Body = body_struct(spec)
+    position_of, velocity_of = body_reader(spec, "position"), body_reader(spec, "velocity")
+    angular_velocity_of = body_reader(spec, "angular_velocity")
+    velocity_ahead_of = body_reader(spec, "velocity_ahead")
+    angular_velocity_ahead_of = body_reader(spec, "angular_velocity_ahead")
+    put_body = body_writer(spec)
     Pair = t.Pair
     Contact = contact_struct(real)
     law = contact_law(spec.normal, spec.tangential, spec.rolling, spec.limit_force, spec.path)
@@ -174,11 +180,11 @@ def step_kernel(spec: Spec) -> Any:
         if particles.moved[launch] != 0:  # an earlier launch of this chunk made the list out of date
             particles.moved[launch + 1] = 1
             return
-        x = now[i].position
-        v = now[i].velocity
+        x = position_of(now, i)
+        v = velocity_of(now, i)
         w = wide3()
         if wp.static(spec.rotation):
-            w = now[i].angular_velocity
+            w = angular_velocity_of(now, i)
         radius = params.radius
         if wp.static(spec.several_radii):
             radius = particles.radius[i]
@@ -195,9 +201,9 @@ def step_kernel(spec: Spec) -> Any:
         w_ahead = w
         if wp.static(spec.path):
             if not (mode & SETUP):
-                v_ahead = now[i].velocity_ahead
+                v_ahead = velocity_ahead_of(now, i)
                 if wp.static(spec.rotation):
-                    w_ahead = now[i].angular_velocity_ahead
+                    w_ahead = angular_velocity_ahead_of(now, i)
 
         force = vec3()
         torque = vec3()
@@ -218,7 +224,7 @@ def step_kernel(spec: Spec) -> Any:
             if wp.static(spec.memory):
                 if entry < 0:
                     j = -entry - 1
-            d = nearest(x - now[j].position, params.size)
+            d = nearest(x - position_of(now, j), params.size)
             rsq = wp.dot(d, d)
             radius_j = params.radius
             if wp.static(spec.several_radii):
@@ -230,18 +236,18 @@ def step_kernel(spec: Spec) -> Any:
                     mass_j = particles.mass[j]
                 c = pair_contact(d, rsq, radius, radius_j, mass, mass_j)
                 lever_j = real(radius_j) - real(0.5) * c.overlap
-                v_j = now[j].velocity
+                v_j = velocity_of(now, j)
                 w_j = wide3()
                 if wp.static(spec.rotation):
-                    w_j = now[j].angular_velocity
+                    w_j = angular_velocity_of(now, j)
                     c.spin = narrow(w - w_j)
                 behind = turned(c, v - v_j, w, w_j, lever_j)
                 ahead = behind
                 if wp.static(spec.path):
                     if not (mode & SETUP):
-                        v_j = now[j].velocity_ahead
+                        v_j = velocity_ahead_of(now, j)
                         if wp.static(spec.rotation):
-                            w_j = now[j].angular_velocity_ahead
+                            w_j = angular_velocity_ahead_of(now, j)
                         ahead = turned(c, v_ahead - v_j, w_ahead, w_j, lever_j)
                 c = set_motion(c, behind, ahead, dt)
                 pair = params.pair
@@ -283,8 +289,8 @@ def step_kernel(spec: Spec) -> Any:
                         if wp.static(spec.several_masses):
                             mass_j = particles.mass[j]
                         c = pair_contact(d, rsq, radius, radius_j, mass, mass_j)
-                        behind = narrow(v - now[j].velocity)
-                        c = set_motion(c, behind, narrow(v_ahead - now[j].velocity_ahead), dt)
+                        behind = narrow(v - velocity_of(now, j))
+                        c = set_motion(c, behind, narrow(v_ahead - velocity_ahead_of(now, j)), dt)
                         pair = params.pair
                         if wp.static(spec.several_materials):
                             pair = particles.pairs[material * params.materials + particles.material[j]]
@@ -377,15 +383,13 @@ def step_kernel(spec: Spec) -> Any:
                 full.torque[i] = torque
         v = v + widen(kick * force)
         x = x + params.drift * v
-        after[i].velocity = v
-        after[i].position = x
         if wp.static(spec.rotation):
             w = w + widen(spin_kick * torque)
-            after[i].angular_velocity = w
         if wp.static(spec.path):
-            after[i].velocity_ahead = v + widen(real(2.0) * kick * force)
+            v_ahead = v + widen(real(2.0) * kick * force)
             if wp.static(spec.rotation):
-                after[i].angular_velocity_ahead = w + widen(real(2.0) * spin_kick * torque)
+                w_ahead = w + widen(real(2.0) * spin_kick * torque)
+        put_body(after, i, x, v, w, v_ahead, w_ahead)
         shift = x - particles.built_at[i]
         if not (wp.dot(shift, shift) <= params.move_limit):  # true for NaN too
             particles.moved[launch + 1] = 1

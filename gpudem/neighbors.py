@@ -11,9 +11,10 @@ from typing import Any
 
 import warp as wp
 
+from gpudem.body import body_struct
 from gpudem.kernels import nearest_image
 from gpudem.spec import Spec
-from gpudem.state import body_struct, structs
+from gpudem.state import structs
 from gpudem.walls import plane_distance
 
 #: Neighbours of a particle that the count remembers for the fill; one with more is searched again.
@@ -48,7 +49,7 @@ def cell_kernel(spec: Spec) -> Any:
     t = structs(spec.precision, spec.vibration)
     wide3 = t.wide3
     Params, Particles = t.Params, t.Particles
-    Body = body_struct(spec.precision, spec.rotation, spec.path)
+    Body = body_struct(spec)
     px, py, pz = spec.periodic
 
     @wp.func
@@ -111,7 +112,7 @@ def gather_kernel(spec: Spec) -> Any:
     """Copies the particle arrays into scratch arrays in the new order; marks the planes near a particle."""
     t = structs(spec.precision, spec.vibration)
     Params, Particles, Walls = t.Params, t.Particles, t.Walls
-    Body = body_struct(spec.precision, spec.rotation, spec.path)
+    Body = body_struct(spec)
     walls_with_memory = spec.walls and spec.memory
 
     @wp.kernel(module="unique", enable_backward=False)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from gpudem.body import body_struct
 from gpudem.contact.types import REAL, WIDE, pair_struct
 from gpudem.scene import Scene
 from gpudem.spec import Spec
@@ -116,19 +117,6 @@ def structs(precision: str, vibration: bool) -> SimpleNamespace:
     )
 
 
-@functools.cache
-def body_struct(precision: str, rotation: bool, path: bool) -> Any:
-    """The struct `Body`: what moves of a particle, side by side in memory, for it is read together.
-
-    position [m]; velocity [m/s], angular_velocity [rad/s]: half a step behind it; velocity_ahead,
-    angular_velocity_ahead: predicted half a step ahead, with integrator "path" alone.
-    """
-    wide3 = structs(precision, False).wide3
-    fields = ["position", "velocity", *(["angular_velocity"] * rotation)]
-    fields += ["velocity_ahead"] * path + ["angular_velocity_ahead"] * (path and rotation)
-    return wp.struct(type("Body", (), {"__annotations__": dict.fromkeys(fields, wide3)}))
-
-
 class State:
     """All device arrays of a run: `now` and `next`, read and written in turn; `particles`; `full`."""
 
@@ -141,7 +129,7 @@ class State:
         def vectors(count: int = n, need: bool = True, dtype: Any = t.vec3) -> Any:
             return wp.zeros(count, dtype=dtype, device=device) if need else None
 
-        Body = body_struct(spec.precision, spec.rotation, spec.path)
+        Body = body_struct(spec)
         bodies = np.zeros(n, dtype=Body.numpy_dtype())
         for name in ("position", "velocity", *(["angular_velocity"] * spec.rotation)):
             bodies[name] = getattr(initial, name)

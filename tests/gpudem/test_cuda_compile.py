@@ -38,3 +38,15 @@ def test_no_spills(spec, registers):
     assert found.spill_bytes == 0
     assert found.stack_bytes == 0
     assert 16 < found.registers <= registers
+
+
+@pytest.mark.parametrize(
+    ("precision", "loads", "stores"), [("float64", 12, 5), ("mixed", 12, 5), ("float32", 10, 3)]
+)
+def test_motion_moves_in_words_of_16_bytes(precision, loads, stores):
+    """Position, velocity, spin of a particle and of its neighbour: three vectors, each in two words or one.
+
+    Catches a Body read number by number, as Warp does by itself, or whose size is not of whole words.
+    """
+    found = step_kernel_resources(Spec(precision=precision, **FULL))
+    assert (found.wide_loads, found.wide_stores) == (loads, stores)
