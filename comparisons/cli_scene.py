@@ -81,6 +81,13 @@ def _shown(
         f"{t.steps} steps of {t.particles} particles in {progress.duration(t.stepping_s)}:"
         f" {progress.quantity(t.rate)} particle-steps/s on {t.device}, {cores}, {t.precision}"
     )
+    if chosen := result.notes.get("list"):
+        cells = " x ".join(map(str, chosen["cells"]))
+        kind = f"half list, blocks of {chosen['block']}" if "block" in chosen else "full list"
+        click.echo(
+            f"{kind}, skin {chosen['skin']:.4g} m, cells {cells}, sorted along"
+            f" {', '.join(chosen['slowest_first'])} (slowest first); rebuilt {result.notes['rebuilds']} times"
+        )
     click.echo(directory / "run.pvd")
     return 0
 

@@ -123,6 +123,15 @@ class NeighborList:
         self._commands.clear()
         self.grew()
 
+    def choices(self) -> dict[str, Any]:
+        """What was chosen by rule: skin [m], cells along x, y, z, the sorted order, particles of a block."""
+        p = self.params
+        chosen = {"skin": self.scene.skin, "cells": [int(c) for c in p.cells]}
+        chosen["slowest_first"] = "".join("xyz"[a] for a in reversed(list(p.axes)))
+        if self.state.spec.half_list:
+            chosen["block"] = int(p.block)
+        return chosen
+
     @property
     def entry_arrays(self) -> tuple[str, ...]:
         """Arrays of `state.particles` with one value for each entry of the list."""

@@ -105,6 +105,7 @@ def _run(
         raise
     finally:
         notes |= {"rebuilds": simulation.neighbors.rebuilds, "scene_hash": scene.hash}
+        notes["list"] = simulation.neighbors.choices()
         notes["arrays"] = simulation.memory_bytes()
         result = Run(
             code="gpudem",
