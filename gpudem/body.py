@@ -27,14 +27,15 @@ def body_fields(spec: Spec) -> tuple[str, ...]:
 
 def body_struct(spec: Spec) -> Any:
     """The struct `Body` of a Spec; with a full list, as on a GPU, padded to whole words."""
-    return _struct(WIDE[spec.precision], body_fields(spec), not spec.half_list)
+    fields, (size, _) = body_fields(spec), _word(spec)
+    return _struct(WIDE[spec.precision], fields, 0 if spec.half_list else -3 * len(fields) % size)
 
 
 @functools.cache
-def _struct(wide: Any, fields: tuple[str, ...], padded: bool) -> Any:
+def _struct(wide: Any, fields: tuple[str, ...], padding: int) -> Any:
+    """One object for one layout: Warp takes kernels of equal text for one, and arrays by the object."""
     members: dict[str, Any] = dict.fromkeys(fields, wp.types.vector(3, wide))
-    over = -3 * len(fields) % (WORD // wp.types.type_size_in_bytes(wide)) if padded else 0
-    members |= {f"pad_{k}": wide for k in range(over)}
+    members |= {f"pad_{k}": wide for k in range(padding)}
     return wp.struct(type("Body", (), {"__annotations__": members}))
 
 
