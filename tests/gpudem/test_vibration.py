@@ -73,6 +73,21 @@ def test_order_of_the_step():
     assert errors[2] < errors[0] / 3
 
 
+@pytest.mark.parametrize("steps", [50, 140, 280])
+def test_floor_rises_from_the_touch_on(steps):
+    """The ball is let go where the floor has come to, to a small part of what it rises in one step.
+
+    Catches a floor that rises from the end of the step in which they touch, or from its beginning.
+    """
+    made = run(ball(1.0, steps, FAST))
+    mass, stiffness = 2000 * 4 / 3 * np.pi * RADIUS**3, 1e8 / (2 * (1 - 0.3**2))
+    lasts = 2.868266 * (mass**2 / (RADIUS * stiffness**2 * (SPEED + MEETING))) ** 0.2  # Hertz
+    touch, end = 0.5 * RADIUS / MEETING, made.trace["time"][-1]
+    want = RADIUS + SPEED * lasts + (2 * SPEED + MEETING) * (end - touch - lasts)
+    error = made.trace["position"][-1, 0, 2] - want
+    assert abs(error) < 0.05 * SPEED * made.scene.time.step
+
+
 def test_slow_limit_is_a_plain_wall():
     """Catches a floor that acts otherwise than by its speed."""
     plain = run(ball(0.8)).trace
