@@ -110,6 +110,11 @@ class Approach:
     hard_error: float
     """Of the hard mean: shared by all."""
 
+    def up_to(self, longest: float) -> Approach:
+        """The runs whose contacts last no longer than this [s]."""
+        kept = self.contact_times <= longest
+        return Approach(self.contact_times[kept], self.excess[kept], self.errors[kept], self.hard_error)
+
     def slope(self) -> tuple[float, float]:
         """(p, its standard error) of |excess| = C t_c^p, weighted least squares."""
         from scipy import optimize

@@ -351,7 +351,7 @@ CASE = Case(
             " event-driven height; the source's rule settles below it at every step, as its program does:"
             " pairs met twice in a step are turned back twice where rounding leaves them a digit short of a"
             " diameter.",
-            _heights, needs=NEEDS,
+            _heights, needs=NEEDS, recorded=True,
         ),
         Figure(
             "Steady state and balance of power",
@@ -362,7 +362,7 @@ CASE = Case(
     ),
     tables=(
         *soft_disks_checks.TABLES,
-        Table("Mean height by engine and step", SOURCE_RULE, _table, needs=NEEDS),
+        Table("Mean height by engine and step", SOURCE_RULE, _table, needs=NEEDS, recorded=True),
     ),
     features=("vibrating floor", "gravity", "wall plane", "sphere-sphere"),
     order=75,
