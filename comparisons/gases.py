@@ -78,7 +78,9 @@ def early_checks() -> tuple[Check, ...]:
     def value(results: Results, column: str) -> Measured:
         ours, theirs = (results[EARLY, code] for code in CODES)
         a, b = ours.trace[column], theirs.trace[column]
-        touched = int((np.linalg.norm(ours.trace["force"], axis=2) > 0).any(axis=0).sum())
+        weight = MASS * np.array(ours.scene.gravity)
+        pushed = np.linalg.norm(ours.trace["force"] - weight, axis=2) > 1e-9 * np.linalg.norm(weight)
+        touched = int(pushed.any(axis=0).sum())
         if touched < 20:
             return Measured(float("nan"), note=f"only {touched} spheres touched another")
         if column == "position":

@@ -25,7 +25,7 @@ DIAMETER, GRAVITY, COUNT, CELLS, SPEED, STEPS = 2 * gases.RADIUS, 9.81, 392, 7, 
 COVER = 2.0
 EDGE = math.sqrt(COUNT / COVER) * DIAMETER
 RMS, LOSSY = 0.25, 0.95
-DURATION, EVERY, EARLY_TIME = 0.12, 2e-3, 0.02
+DURATION, EVERY, EARLY_TIME = 0.12, 2e-3, 0.01
 #: From here on the column rests, some thirty times sqrt(T)/g [s].
 SETTLED, EQUILIBRIUM = 1.0, "equilibrium"
 #: Seeds of the hard spheres, which are cheap.
