@@ -1,4 +1,4 @@
-"""Hard disks over a fast vibrating floor, from collision to collision; then: gpudem animate runs/vibrated_box."""
+"""Hard disks over a fast vibrating floor, collision by collision; then: gpudem animate runs/vibrated_box."""
 
 import numpy as np
 
