@@ -192,6 +192,46 @@ def scaling(rows: list[Row]) -> list[dict[str, Any]]:
     return table
 
 
+@dataclasses.dataclass(frozen=True)
+class Bench:
+    """What one or more calls on one machine measured."""
+
+    rows: list[Row]
+    bandwidths: list[dict[str, Any]]
+    left_out: list[int]
+    commands: list[str]
+    """Of the calls before this one."""
+
+    def write(self, out: Path) -> None:
+        """As JSON, with what follows from it and its provenance."""
+        from comparisons.provenance import collect
+
+        provenance = collect()
+        provenance["command"] = "; ".join([*self.commands, provenance["command"]])
+        data = {
+            "provenance": provenance, "bandwidth": self.bandwidths, "left_out": self.left_out,
+            "summary": summary(self.rows, self.bandwidths), "scaling": scaling(self.rows),
+            "memory": memory(self.rows), "rows": [dataclasses.asdict(r) for r in self.rows],
+        }  # fmt: skip
+        out.write_text(json.dumps(data, indent=1, default=str))
+
+
+def earlier(out: Path) -> Bench:
+    """What an earlier call wrote. Raises GpudemError where that was another commit or machine, or nothing."""
+    from comparisons.provenance import collect
+
+    if not out.is_file():
+        raise GpudemError(f"--append: {out}: no such file")
+    data, now = json.loads(out.read_text()), collect()
+    for what in ("commit", "hardware"):
+        if data["provenance"][what] != now[what]:
+            raise GpudemError(
+                f"--append: {out} is of {what} {data['provenance'][what]}; here it is {now[what]}"
+            )
+    rows = [Row(**row) for row in data["rows"]]
+    return Bench(rows, data["bandwidth"], data["left_out"], [data["provenance"]["command"]])
+
+
 def _numbers(context: click.Context, parameter: click.Parameter, value: str) -> list[int]:
     try:
         numbers = [int(float(v)) for v in value.split(",")]
@@ -218,14 +258,14 @@ def _numbers(context: click.Context, parameter: click.Parameter, value: str) -> 
 @click.option("--budget", default=BUDGET, help="Particle-steps of one measurement.", show_default=True)
 @click.option("--liggghts/--no-liggghts", default=True, show_default=True)
 @click.option("--out", type=click.Path(path_type=Path), default=Path("runs/bench.json"), show_default=True)
+@click.option("--append", is_flag=True, help="Keep what OUT holds, of the same commit and machine.")
 def command(
     sizes: list[int], cores: list[int], beds: str, repeats: int, precision: str, device: str, budget: float,
-    liggghts: bool, out: Path,
+    liggghts: bool, out: Path, append: bool,
 ) -> None:  # fmt: skip
     """Measure speed and memory of both codes on settled and flowing beds, in turn, in one run."""
     import pandas
 
-    from comparisons.provenance import collect
     from comparisons.roofline import bandwidth
 
     if liggghts:
@@ -240,31 +280,25 @@ def command(
         devices=device.split(","), precisions=precision.split(","), repeats=repeats, budget=budget,
         liggghts=liggghts,
     )  # fmt: skip
-    left_out = [size for size in sizes if size not in plan.sizes]
-    for size in left_out:
+    made = earlier(out) if append else Bench([], [], [], [])
+    made.left_out.extend(size for size in sizes if size not in plan.sizes)
+    for size in made.left_out:
         click.echo(f"{size} spheres: left out, they need {(NEED_FIRST + NEED * size) / 2**30:.1f} GiB")
     places = [(d, c) for d in plan.devices for c in (cores if d == "cpu" else [1])]
-    bandwidths = []
     for where, core in places:
         name = str(find_device(where))
-        bandwidths.append({"device": name, "cores": core, "bytes_per_s": bandwidth(where, core)})
-        click.echo(f"memory, {name}, cores {core}: {bandwidths[-1]['bytes_per_s'] / 1e9:.1f} GB/s")
-    rows: list[Row] = []
+        made.bandwidths.append({"device": name, "cores": core, "bytes_per_s": bandwidth(where, core)})
+        click.echo(f"memory, {name}, cores {core}: {made.bandwidths[-1]['bytes_per_s'] / 1e9:.1f} GB/s")
     out.parent.mkdir(parents=True, exist_ok=True)
     for row in measurements(plan):
-        rows.append(row)
+        made.rows.append(row)
         click.echo(
             f"{row.particles:>8} {row.state:8} {row.device} {row.cores} core{'s' if row.cores > 1 else ' '}"
             f" {row.code:9} {row.precision:8} {row.rate / 1e6:8.2f} M particle-steps/s"
             f" {row.peak_memory_bytes / 2**20:7.0f} MiB"
         )
-        data = {
-            "provenance": collect(), "bandwidth": bandwidths, "left_out": left_out,
-            "summary": summary(rows, bandwidths), "scaling": scaling(rows), "memory": memory(rows),
-            "rows": [dataclasses.asdict(r) for r in rows],
-        }  # fmt: skip
-        out.write_text(json.dumps(data, indent=1, default=str))
-    for table in (summary(rows, bandwidths), scaling(rows), memory(rows)):
+        made.write(out)
+    for table in (summary(made.rows, made.bandwidths), scaling(made.rows), memory(made.rows)):
         if table:
             click.echo(pandas.DataFrame(table).to_string(index=False, float_format="{:.2f}".format))
     click.echo(f"written: {out}")

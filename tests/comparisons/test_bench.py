@@ -89,6 +89,14 @@ def test_measures_and_writes(tmp_path):
     assert 0 < only["first_step_s"] < 60
     assert data["provenance"]["commit"]
 
+    more = [*arguments.replace("flowing", "settled").split(), "--append", "--out", str(out)]
+    done = CliRunner().invoke(bench.command, more, catch_exceptions=False)
+    assert [r["state"] for r in json.loads(out.read_text())["rows"]] == ["flowing", "settled"]
+    data["provenance"]["commit"] = "another"
+    out.write_text(json.dumps(data))
+    with pytest.raises(GpudemError, match="is of commit another"):
+        CliRunner().invoke(bench.command, more, catch_exceptions=False)
+
 
 def test_what_does_not_fit_is_left_out(monkeypatch):
     class Memory:
