@@ -102,7 +102,7 @@ class NeighborList:
         self._commands: dict[tuple[str, int], Callable[[], None]] = {}
         self.grew: Callable[[], None] = lambda: None
         """Called when list arrays were replaced: recorded launches elsewhere are out of date."""
-        self._allocate((8 if spec.half_list else 16) * n)
+        self._allocate((6 if spec.half_list else 12) * n + 64)  # grows where it is denser
 
     def _allocate(self, capacity: int) -> None:
         state = self.state
