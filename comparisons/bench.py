@@ -29,7 +29,7 @@ BEDS = ("settled", "flowing")
 BUDGET = 4e7
 MIN_STEPS, MAX_STEPS = 100, 6000
 #: Memory of one measurement, a particle and at all [bytes]: more than either code was seen to need.
-NEED, NEED_FIRST = 2500, 5e8
+NEED, NEED_FIRST = 1800, 5e8
 #: Beds from here on have left the caches; their cost per step is fitted against N.
 LARGE = 10_000
 
