@@ -37,6 +37,7 @@ class Simulation:
 
     Raises:
         SimulationError: lost particle, NaN, naming particle and time.
+        ValueError: a half list for a CUDA device.
     """
 
     def __init__(
@@ -49,6 +50,8 @@ class Simulation:
         everything: bool = False,
     ):
         self.device, self.scene = find_device(device), scene
+        if half_list and self.device.is_cuda:
+            raise ValueError("half_list: adds up pairs in their order, which a CUDA launch does not have")
         self.spec = Spec.of(scene, self.device.is_cpu if half_list is None else half_list)
         if everything:
             self.spec = self.spec.loaded
