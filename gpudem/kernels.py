@@ -13,6 +13,7 @@ from typing import Any
 
 import warp as wp
 
+from gpudem.arrays import access
 from gpudem.body import body_reader, body_struct, body_writer
 from gpudem.contact.law import contact_law, damping_force
 from gpudem.contact.types import contact_struct
@@ -66,6 +67,9 @@ def step_kernel(spec: Spec) -> Any:
     velocity_ahead_of = body_reader(spec, "velocity_ahead")
     angular_velocity_ahead_of = body_reader(spec, "angular_velocity_ahead")
     put_body = body_writer(spec)
+    vectors, wholes = access(vec3), access(wp.int32)
+    get, put, subtract = vectors.get, vectors.put, vectors.subtract
+    get_int, put_int = wholes.get, wholes.put
     Pair = t.Pair
     Contact = contact_struct(real)
     law = contact_law(spec.normal, spec.tangential, spec.rolling, spec.limit_force, spec.path)
@@ -211,15 +215,15 @@ def step_kernel(spec: Spec) -> Any:
         block_end = wp.int32(0)
         if wp.static(spec.half_list):
             block_end = (i // params.block + 1) * params.block
-            force = particles.force_so_far[i]
-            particles.force_so_far[i] = vec3()
+            force = get(particles.force_so_far, i)
+            put(particles.force_so_far, i, vec3())
             if wp.static(spec.rotation):
-                torque = particles.torque_so_far[i]
-                particles.torque_so_far[i] = vec3()
+                torque = get(particles.torque_so_far, i)
+                put(particles.torque_so_far, i, vec3())
 
         # particles
-        for k in range(particles.start[i], particles.start[i + 1]):
-            entry = particles.neighbor[k]
+        for k in range(get_int(particles.start, i), get_int(particles.start, i + 1)):
+            entry = get_int(particles.neighbor, k)
             j = entry
             if wp.static(spec.memory):
                 if entry < 0:
@@ -257,31 +261,31 @@ def step_kernel(spec: Spec) -> Any:
                 kept = vec3()
                 if entry < 0:
                     if wp.static(spec.history):
-                        spring = particles.spring[k]
+                        spring = get(particles.spring, k)
                     if wp.static(spec.rolling_history):
-                        kept = particles.rolling[k]
+                        kept = get(particles.rolling, k)
                 f, turn, rolling, spring_new = law(c, pair, spring, kept, dt, params.dt)
                 force += f
                 torque -= c.lever * turn + rolling
                 contacts += 1
                 if wp.static(spec.half_list):
                     if j > i and j < block_end:
-                        particles.force_so_far[j] -= f
+                        subtract(particles.force_so_far, j, f)
                         if wp.static(spec.rotation):
-                            particles.torque_so_far[j] -= lever_j * turn - rolling
+                            subtract(particles.torque_so_far, j, lever_j * turn - rolling)
                         contacts += 1
                 if wp.static(spec.memory):
                     if not (mode & SETUP):
                         if wp.static(spec.history):
-                            particles.spring[k] = spring_new
+                            put(particles.spring, k, spring_new)
                         if wp.static(spec.rolling_history):
-                            particles.rolling[k] = rolling
+                            put(particles.rolling, k, rolling)
                         if entry >= 0:
-                            particles.neighbor[k] = -j - 1
+                            put_int(particles.neighbor, k, -j - 1)
             else:
                 if wp.static(spec.memory):
                     if entry < 0:
-                        particles.neighbor[k] = j
+                        put_int(particles.neighbor, k, j)
                 if wp.static(spec.path):  # may touch within half a step before or ahead
                     reach += wide(0.5) * params.skin
                     if rsq < reach * reach and not (mode & SETUP):
@@ -298,7 +302,7 @@ def step_kernel(spec: Spec) -> Any:
                         force += f
                         if wp.static(spec.half_list):
                             if j > i and j < block_end:
-                                particles.force_so_far[j] -= f
+                                subtract(particles.force_so_far, j, f)
 
         # walls
         if wp.static(spec.walls):
