@@ -1,7 +1,7 @@
 """Direct access to arrays in the hot loop: Warp's own indexing allows for negative indices and strides.
 
-That costs five instructions an access; without, a step takes 3 % less on a CPU. Index and array are the caller's responsibility: whole
-arrays (never a slice with a stride), 0 <= i < length.
+That costs five instructions an access; without them a step takes 3 % less time on a CPU. Index and array are
+the caller's responsibility: whole arrays (never a slice with a stride), 0 <= i < length.
 """
 
 import functools
