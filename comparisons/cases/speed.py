@@ -96,10 +96,28 @@ def recorded_table(part: str):
         data = recorded()
         if data is None:
             return pandas.DataFrame({"note": ["no recorded bench: run  gpudem bench"]})
-        rows = data[part] or [{"note": "too few sizes"}]
-        return pandas.DataFrame(rows).round(2).dropna(axis=1, how="all")
+        rows = pandas.DataFrame(data[part] or [{"note": "too few sizes"}])
+        if part == "summary":
+            rows = narrowed(rows)
+        return rows.round(2).dropna(axis=1, how="all")
 
     return table
+
+
+def narrowed(rows: pandas.DataFrame) -> pandas.DataFrame:
+    """The summary in as many columns as a page holds: ratio with range, no device where all are one."""
+    spread = [
+        "" if pandas.isna(ratio) else f"{ratio:.2f} ({least:.2f} to {most:.2f})"
+        for ratio, least, most in zip(rows["ratio"], rows["ratio least"], rows["ratio most"], strict=True)
+    ]
+    rows = rows.assign(ratio=spread)
+    left_out = ["ratio least", "ratio most", "arrays [B]", "contacts"]
+    left_out += ["device"] * (rows["device"].nunique() == 1)
+    names = {
+        "s a simulated s": "s / simulated s", "of the roofline [%]": "roofline [%]",
+        "first step after [s]": "start [s]",
+    }  # fmt: skip
+    return rows.drop(columns=left_out).rename(columns=names)
 
 
 def _recorded_caption() -> str:
@@ -112,7 +130,7 @@ def _recorded_caption() -> str:
         f" {p['hardware']['cores']} cores. Particle-steps per second of stepping; the ratio is to LIGGGHTS on"
         " as many ranks, in float64 whatever our precision. Bytes a step: what a step must read or write at"
         " least, a particle; by the rate and the memory bandwidth measured beforehand that is the share of"
-        " the roofline. First step after: from the start of the process, kernels compiled by an earlier run."
+        " the roofline. Start: of the process to its first step, with kernels compiled by an earlier run."
     )
 
 
