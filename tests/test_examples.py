@@ -33,26 +33,28 @@ def test_both_state_one_scene() -> None:
     assert read.hash == names["scene"].hash
 
 
-def test_python_example_runs(tmp_path: Path) -> None:
-    """It says how high the ball bounces: e^2 of the 50 mm fall, above the radius."""
+def run_example(name: str, folder: Path) -> str:
+    """What examples/NAME prints when it runs in a folder."""
     done = subprocess.run(
         [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(ROOT)!r}); import runpy;"
-         f" runpy.run_path({str(EXAMPLES / 'drop.py')!r}, run_name='__main__')"],
-        cwd=tmp_path, capture_output=True, text=True, check=True,
+         f" runpy.run_path({str(EXAMPLES / name)!r}, run_name='__main__')"],
+        cwd=folder, capture_output=True, text=True, check=True,
     )  # fmt: skip
-    height = float(re.search(r"highest after the first bounce: ([\d.]+) m", done.stdout)[1])
+    return done.stdout
+
+
+def test_python_example_runs(tmp_path: Path) -> None:
+    """It says how high the ball bounces: e^2 of the 50 mm fall, above the radius."""
+    said = run_example("drop.py", tmp_path)
+    height = float(re.search(r"highest after the first bounce: ([\d.]+) m", said)[1])
     assert abs(height - (0.9**2 * 0.05 + 0.003)) < 2e-4, "a trace each millisecond, apex within 0.5 ms of one"
     assert (tmp_path / "runs" / "drop_py" / "run.pvd").is_file()
 
 
 def test_vibrated_box_runs(tmp_path: Path) -> None:
     """Catches an example that settles elsewhere than the case does (0.288 m; 20 s scatter by 0.004 m)."""
-    done = subprocess.run(
-        [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(ROOT)!r}); import runpy;"
-         f" runpy.run_path({str(EXAMPLES / 'vibrated_box.py')!r}, run_name='__main__')"],
-        cwd=tmp_path, capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    height = float(re.search(r"mean height: ([\d.]+) m", done.stdout)[1])
+    said = run_example("vibrated_box.py", tmp_path)
+    height = float(re.search(r"mean height: ([\d.]+) m", said)[1])
     assert abs(height - 0.288) < 0.012
     assert (tmp_path / "runs" / "vibrated_box" / "run.pvd").is_file()
 
