@@ -5,15 +5,14 @@ the caller's responsibility: whole arrays (never a slice with a stride), 0 <= i 
 """
 
 import functools
-from types import SimpleNamespace
 from typing import Any
 
 from gpudem.device import wp
 
 
 @functools.cache
-def access(kind: Any) -> SimpleNamespace:
-    """Functions of an array of this type: get(a, i), put(a, i, value), subtract(a, i, value)."""
+def access(kind: Any) -> tuple[Any, Any, Any]:
+    """Functions get(a, i), put(a, i, value), subtract(a, i, value) of an array of this type."""
 
     @wp.func_native("return a.data[i];")
     def get(a: wp.array[kind], i: wp.int32) -> kind: ...
@@ -24,4 +23,4 @@ def access(kind: Any) -> SimpleNamespace:
     @wp.func_native("a.data[i] = a.data[i] - value;")
     def subtract(a: wp.array[kind], i: wp.int32, value: kind): ...
 
-    return SimpleNamespace(get=get, put=put, subtract=subtract)
+    return get, put, subtract

@@ -67,9 +67,8 @@ def step_kernel(spec: Spec) -> Any:
     velocity_ahead_of = body_reader(spec, "velocity_ahead")
     angular_velocity_ahead_of = body_reader(spec, "angular_velocity_ahead")
     put_body = body_writer(spec)
-    vectors, wholes = access(vec3), access(wp.int32)
-    get, put, subtract = vectors.get, vectors.put, vectors.subtract
-    get_int, put_int = wholes.get, wholes.put
+    get, put, subtract = access(vec3)
+    get_int, put_int, _ = access(wp.int32)
     Pair = t.Pair
     Contact = contact_struct(real)
     law = contact_law(spec.normal, spec.tangential, spec.rolling, spec.limit_force, spec.path)
