@@ -69,13 +69,16 @@ class Plan:
     budget: float
     liggghts: bool
 
+    def places(self) -> list[tuple[str, int]]:
+        """(device, cores); what is not a CPU counts as one core."""
+        return [(device, n) for device in self.devices for n in (self.cores if device == "cpu" else [1])]
+
     def runs(self) -> list[tuple[str, str, int, str]]:
         """(code, device, cores, precision) of one bed, in turn."""
         found = []
-        for device in self.devices:
-            for cores in self.cores if device == "cpu" else [1]:
-                found += [("gpudem", device, cores, precision) for precision in self.precisions]
-                found += [("liggghts", "cpu", cores, "float64")] * (self.liggghts and device == "cpu")
+        for device, cores in self.places():
+            found += [("gpudem", device, cores, precision) for precision in self.precisions]
+            found += [("liggghts", "cpu", cores, "float64")] * (self.liggghts and device == "cpu")
         return found
 
     def steps(self, size: int, device: str, cores: int) -> int:
@@ -284,8 +287,7 @@ def command(
     made.left_out.extend(size for size in sizes if size not in plan.sizes)
     for size in made.left_out:
         click.echo(f"{size} spheres: left out, they need {(NEED_FIRST + NEED * size) / 2**30:.1f} GiB")
-    places = [(d, c) for d in plan.devices for c in (cores if d == "cpu" else [1])]
-    for where, core in places:
+    for where, core in plan.places():
         name = str(find_device(where))
         made.bandwidths.append({"device": name, "cores": core, "bytes_per_s": bandwidth(where, core)})
         click.echo(f"memory, {name}, cores {core}: {made.bandwidths[-1]['bytes_per_s'] / 1e9:.1f} GB/s")

@@ -60,6 +60,13 @@ def temperature(run: Run) -> np.ndarray:
     return 2 * run.history["kinetic_energy"].to_numpy() / (3 * MASS * len(run.scene.state))
 
 
+def growth(run: Run, column: str, since: float) -> float:
+    """Growth of a column of the history per second, from a time [s] on."""
+    time, values = run.history["time"].to_numpy(), run.history[column].to_numpy()
+    k = int(np.searchsorted(time, since - 1e-12))
+    return float((values[-1] - values[k]) / (time[-1] - time[k]))
+
+
 def overlaps(position: np.ndarray, edge: float) -> np.ndarray:
     """Overlaps [m] of all pairs that touch in a periodic cube."""
     from scipy.spatial import KDTree

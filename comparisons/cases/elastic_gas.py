@@ -125,9 +125,7 @@ def rate(results: Results, code: str, phi: float) -> tuple[float, float]:
 
 def counted(run: Run, phi: float, column: str) -> float:
     """Growth of a column of hard spheres' history per second, in equilibrium."""
-    time, values = run.history["time"].to_numpy(), run.history[column].to_numpy()
-    k = int(np.searchsorted(time, SETTLE * free_time(phi)))
-    return float((values[-1] - values[k]) / (time[-1] - time[k]))
+    return gases.growth(run, column, SETTLE * free_time(phi))
 
 
 def springs(results: Results, code: str, phi: float) -> tuple[np.ndarray, np.ndarray]:

@@ -118,9 +118,7 @@ def temperature(run: Run, kind: Kind) -> float:
 
 def counted(run: Run, tier: Tier, column: str) -> float:
     """Growth of a column per second after the gas has settled."""
-    time, values = run.history["time"].to_numpy(), run.history[column].to_numpy()
-    k = int(np.searchsorted(time, SIZES[tier][0] * run.scene.time.step - 1e-12))
-    return float((values[-1] - values[k]) / (time[-1] - time[k]))
+    return gases.growth(run, column, SIZES[tier][0] * run.scene.time.step)
 
 
 def pressure(run: Run, kind: Kind, tier: Tier) -> float:
