@@ -6,6 +6,10 @@ takes its particles one after the other) a pair within a block of particles is c
 comes first, and kept for the other; pairs across blocks are computed from both sides. A block belongs to one
 core, and blocks do not depend on the number of cores: neither does the result.
 Built for what the scene needs (`Spec`), no more.
+
+Where a vector is given a new value within an `if`, Warp's C++ chooses between two vectors in memory after it:
+in the loops over contacts that cost a third of a step on a CPU. So these loops leave early (`continue`)
+instead, read "this or zero" by `get_if`, and use no name twice.
 """
 
 import functools
@@ -16,43 +20,13 @@ import warp as wp
 from gpudem.arrays import access
 from gpudem.body import body_reader, body_struct, body_writer
 from gpudem.contact.law import contact_law, damping_force
-from gpudem.contact.types import contact_struct
+from gpudem.geometry import contact_geometry, nearest_image
 from gpudem.spec import Spec
 from gpudem.state import structs
 from gpudem.walls import distance_now, plane_distance
 
 #: Mode bits. SETUP: velocities are at the full step, springs only evaluated. WRITE: keep forces, velocities.
 SETUP, WRITE = wp.constant(1), wp.constant(2)
-
-
-@functools.cache
-def nearest_image(periodic: tuple[bool, bool, bool], precision: str) -> Any:
-    """A function (d, size) -> d between nearest images; no code for sides that are not periodic."""
-    t = structs(precision, False)
-    vec3, real = t.wide3, t.wide
-    px, py, pz = periodic
-
-    @wp.func
-    def wrap(d: real, size: real):
-        half = real(0.5) * size
-        if d > half:
-            d = d - size
-        elif d < -half:
-            d = d + size
-        return d
-
-    @wp.func
-    def nearest(d: vec3, size: vec3):
-        x, y, z = d[0], d[1], d[2]
-        if wp.static(px):
-            x = wrap(x, size[0])
-        if wp.static(py):
-            y = wrap(y, size[1])
-        if wp.static(pz):
-            z = wrap(z, size[2])
-        return vec3(x, y, z)
-
-    return nearest
 
 
 @functools.cache
@@ -67,101 +41,16 @@ def step_kernel(spec: Spec) -> Any:
     velocity_ahead_of = body_reader(spec, "velocity_ahead")
     angular_velocity_ahead_of = body_reader(spec, "angular_velocity_ahead")
     put_body = body_writer(spec)
-    get, put, subtract = access(vec3)
-    get_int, put_int, _ = access(wp.int32)
-    Pair = t.Pair
-    Contact = contact_struct(real)
+    vectors, integers, get_wide = access(vec3), access(wp.int32), access(wide3).get
+    get, get_if, put, subtract = vectors.get, vectors.get_if, vectors.put, vectors.subtract
+    get_int, put_int = integers.get, integers.put
+    geometry = contact_geometry(spec)
+    narrow, widen, set_motion = geometry.narrow, geometry.widen, geometry.set_motion
+    pair_contact, wall_contact, turned = geometry.pair_contact, geometry.wall_contact, geometry.turned
     law = contact_law(spec.normal, spec.tangential, spec.rolling, spec.limit_force, spec.path)
-    edge_law = damping_force(spec.normal, spec.limit_force)
+    edge = damping_force(spec.normal, spec.limit_force)
     nearest = nearest_image(spec.periodic, spec.precision)
     moving = distance_now(spec.precision)
-    mixed = real is not wide
-
-    @wp.func
-    def narrow(a: wide3):
-        if wp.static(mixed):
-            b = vec3(real(a[0]), real(a[1]), real(a[2]))
-        else:
-            b = a
-        return b
-
-    @wp.func
-    def widen(a: vec3):
-        if wp.static(mixed):
-            b = wide3(wide(a[0]), wide(a[1]), wide(a[2]))
-        else:
-            b = a
-        return b
-
-    @wp.func
-    def set_motion(c: Contact, v: vec3, v_ahead: vec3, dt: real):
-        """Velocities of the contact point, i against j: half a step behind and ahead; dt = 0 at set-up."""
-        mean = v
-        if wp.static(spec.path):
-            mean = real(0.5) * (v + v_ahead)
-        c.normal_velocity = wp.dot(mean, c.normal)
-        c.tangential_velocity = mean - c.normal_velocity * c.normal
-        c.slide = dt * c.tangential_velocity
-        if wp.static(spec.path):
-            closing = -wp.dot(v, c.normal)
-            closing_ahead = -wp.dot(v_ahead, c.normal)
-            c.before = wp.max(c.overlap - real(0.5) * dt * closing, real(0.0))
-            c.after = wp.max(c.overlap + real(0.5) * dt * closing_ahead, real(0.0))
-            share = real(1.0)
-            if c.overlap <= dt * closing:  # first step of the contact: it slides from the touch on
-                share = c.overlap / (dt * closing)
-            c.slide = (share * dt) * (v + closing * c.normal)
-        return c
-
-    @wp.func
-    def edge(c: Contact, pair: Pair, dt: real):
-        """Force of a pair apart now that touches within half a step before or ahead."""
-        force = vec3()
-        if c.before > real(0.0) or c.after > real(0.0):
-            force = edge_law(c, pair, dt) * c.normal
-        return force
-
-    @wp.func
-    def pair_contact(d: wide3, rsq: wide, wide_ri: wide, wide_rj: wide, mi: real, mj: real):
-        c = Contact()
-        ri = real(wide_ri)
-        rj = real(wide_rj)
-        if wp.static(mixed):  # the small difference in float64, without its square root
-            r = wp.sqrt(real(rsq))
-            reach = wide_ri + wide_rj
-            c.normal = narrow(d) * (real(1.0) / r)
-            c.overlap = real(reach * reach - rsq) / (real(reach) + r)
-        else:
-            r = wp.sqrt(rsq)
-            c.normal = d * (real(1.0) / r)
-            c.overlap = ri + rj - r
-        c.lever = ri - real(0.5) * c.overlap
-        if wp.static(spec.several_radii):
-            c.radius_eff = ri * rj / (ri + rj)
-        else:
-            c.radius_eff = real(0.5) * ri
-        if wp.static(spec.several_masses):
-            c.mass_eff = mi * mj / (mi + mj)
-        else:
-            c.mass_eff = real(0.5) * mi
-        return c
-
-    @wp.func
-    def wall_contact(distance: wide, normal: wide3, radius: wide, mass: real):
-        c = Contact()
-        c.normal = narrow(normal)
-        c.overlap = real(radius - distance)
-        c.lever = real(radius) - real(0.5) * c.overlap
-        c.radius_eff = real(radius)
-        c.mass_eff = mass
-        return c
-
-    @wp.func
-    def turned(c: Contact, v: wide3, wi: wide3, wj: wide3, lever_j: real):
-        """Velocity of the contact point from that of the centres and the spins."""
-        if wp.static(spec.rotation):
-            return narrow(v) - wp.cross(c.lever * narrow(wi) + lever_j * narrow(wj), c.normal)
-        return narrow(v)
 
     @wp.kernel(module="unique", enable_backward=False)
     def step(
@@ -180,7 +69,7 @@ def step_kernel(spec: Spec) -> Any:
         full: Full,
     ):
         i = begin + wp.tid()
-        if particles.moved[launch] != 0:  # an earlier launch of this chunk made the list out of date
+        if get_int(particles.moved, launch) != 0:  # an earlier launch of this chunk made the list out of date
             particles.moved[launch + 1] = 1
             return
         x = position_of(now, i)
@@ -233,55 +122,7 @@ def step_kernel(spec: Spec) -> Any:
             if wp.static(spec.several_radii):
                 radius_j = particles.radius[j]
             reach = radius + radius_j
-            if rsq < reach * reach:
-                mass_j = params.mass
-                if wp.static(spec.several_masses):
-                    mass_j = particles.mass[j]
-                c = pair_contact(d, rsq, radius, radius_j, mass, mass_j)
-                lever_j = real(radius_j) - real(0.5) * c.overlap
-                v_j = velocity_of(now, j)
-                w_j = wide3()
-                if wp.static(spec.rotation):
-                    w_j = angular_velocity_of(now, j)
-                    c.spin = narrow(w - w_j)
-                behind = turned(c, v - v_j, w, w_j, lever_j)
-                ahead = behind
-                if wp.static(spec.path):
-                    if not (mode & SETUP):
-                        v_j = velocity_ahead_of(now, j)
-                        if wp.static(spec.rotation):
-                            w_j = angular_velocity_ahead_of(now, j)
-                        ahead = turned(c, v_ahead - v_j, w_ahead, w_j, lever_j)
-                c = set_motion(c, behind, ahead, dt)
-                pair = params.pair
-                if wp.static(spec.several_materials):
-                    pair = particles.pairs[material * params.materials + particles.material[j]]
-                spring = vec3()
-                kept = vec3()
-                if entry < 0:
-                    if wp.static(spec.history):
-                        spring = get(particles.spring, k)
-                    if wp.static(spec.rolling_history):
-                        kept = get(particles.rolling, k)
-                f, turn, rolling, spring_new = law(c, pair, spring, kept, dt, params.dt)
-                force += f
-                torque -= c.lever * turn + rolling
-                contacts += 1
-                if wp.static(spec.half_list):
-                    if j > i and j < block_end:
-                        subtract(particles.force_so_far, j, f)
-                        if wp.static(spec.rotation):
-                            subtract(particles.torque_so_far, j, lever_j * turn - rolling)
-                        contacts += 1
-                if wp.static(spec.memory):
-                    if not (mode & SETUP):
-                        if wp.static(spec.history):
-                            put(particles.spring, k, spring_new)
-                        if wp.static(spec.rolling_history):
-                            put(particles.rolling, k, rolling)
-                        if entry >= 0:
-                            put_int(particles.neighbor, k, -j - 1)
-            else:
+            if not (rsq < reach * reach):
                 if wp.static(spec.memory):
                     if entry < 0:
                         put_int(particles.neighbor, k, j)
@@ -302,14 +143,61 @@ def step_kernel(spec: Spec) -> Any:
                         if wp.static(spec.half_list):
                             if j > i and j < block_end:
                                 subtract(particles.force_so_far, j, f)
+                continue
+            mass_j = params.mass
+            if wp.static(spec.several_masses):
+                mass_j = particles.mass[j]
+            c = pair_contact(d, rsq, radius, radius_j, mass, mass_j)
+            lever_j = real(radius_j) - real(0.5) * c.overlap
+            v_j = velocity_of(now, j)
+            w_j = wide3()
+            if wp.static(spec.rotation):
+                w_j = angular_velocity_of(now, j)
+                c.spin = narrow(w - w_j)
+            behind = turned(c, v - v_j, w, w_j, lever_j)
+            ahead = behind
+            if wp.static(spec.path):
+                if not (mode & SETUP):
+                    v_j = velocity_ahead_of(now, j)
+                    if wp.static(spec.rotation):
+                        w_j = angular_velocity_ahead_of(now, j)
+                    ahead = turned(c, v_ahead - v_j, w_ahead, w_j, lever_j)
+            c = set_motion(c, behind, ahead, dt)
+            pair = params.pair
+            if wp.static(spec.several_materials):
+                pair = particles.pairs[material * params.materials + particles.material[j]]
+            spring = vec3()
+            kept = vec3()
+            if wp.static(spec.history):
+                spring = get_if(particles.spring, k, entry < 0)
+            if wp.static(spec.rolling_history):
+                kept = get_if(particles.rolling, k, entry < 0)
+            f, turn, rolling, spring_new = law(c, pair, spring, kept, dt, params.dt)
+            force += f
+            torque -= c.lever * turn + rolling
+            contacts += 1
+            if wp.static(spec.half_list):
+                if j > i and j < block_end:
+                    subtract(particles.force_so_far, j, f)
+                    if wp.static(spec.rotation):
+                        subtract(particles.torque_so_far, j, lever_j * turn - rolling)
+                    contacts += 1
+            if wp.static(spec.memory):
+                if not (mode & SETUP):
+                    if wp.static(spec.history):
+                        put(particles.spring, k, spring_new)
+                    if wp.static(spec.rolling_history):
+                        put(particles.rolling, k, rolling)
+                    if entry >= 0:
+                        put_int(particles.neighbor, k, -j - 1)
 
         # walls
         if wp.static(spec.walls):
             touch = wp.int32(0)
             touched = wp.int32(0)
             if wp.static(spec.memory):
-                touched = particles.wall_touch[i]
-            near = particles.wall_near[i]
+                touched = get_int(particles.wall_touch, i)
+            near = get_int(particles.wall_near, i)
             for k in range(params.planes):
                 if (near >> k) == 0:
                     break
@@ -322,46 +210,49 @@ def step_kernel(spec: Spec) -> Any:
                     distance = moving(
                         params, walls, particles, i, k, at, distance, radius, wp.dot(v, normal), dt
                     )
-                if distance <= radius:
-                    c = wall_contact(distance, normal, radius, mass)
-                    if wp.static(spec.rotation):
-                        c.spin = (c.lever / real(distance)) * narrow(w)
-                    behind = turned(c, v, w, wide3(), real(0.0))
-                    if wp.static(spec.vibration):
-                        behind = behind - narrow(walls.speed[k] * normal)
-                    c = set_motion(c, behind, turned(c, v_ahead, w_ahead, wide3(), real(0.0)), dt)
-                    spring = vec3()
-                    kept = vec3()
-                    if touched & (1 << k):
-                        if wp.static(spec.history):
-                            spring = particles.wall_spring[k * params.n + i]
-                        if wp.static(spec.rolling_history):
-                            kept = particles.wall_rolling[k * params.n + i]
-                    f, turn, rolling, spring_new = law(
-                        c, walls.pairs[k * params.materials + material], spring, kept, dt, params.dt
-                    )
-                    force += f
-                    if wp.static(spec.vibration):
+                if not (distance <= radius):
+                    if wp.static(spec.path):
                         if not (mode & SETUP):
-                            push = wp.float64(wp.dot(f, c.normal))
-                            particles.wall_work[i] += push * wp.float64(walls.speed[k] * params.drift)
-                    torque -= c.lever * turn + rolling
-                    contacts += 2  # a contact with a particle is counted from both sides
-                    if wp.static(spec.memory):
-                        if not (mode & SETUP):
-                            if wp.static(spec.history):
-                                particles.wall_spring[k * params.n + i] = spring_new
-                            if wp.static(spec.rolling_history):
-                                particles.wall_rolling[k * params.n + i] = rolling
-                            touch = touch | (1 << k)
-                elif wp.static(spec.path):
+                            at_wall = wall_contact(distance, normal, radius, mass)
+                            at_wall = set_motion(at_wall, narrow(v), narrow(v_ahead), dt)
+                            force += edge(at_wall, walls.pairs[k * params.materials + material], dt)
+                    continue
+                at_wall = wall_contact(distance, normal, radius, mass)
+                if wp.static(spec.rotation):
+                    at_wall.spin = (at_wall.lever / real(distance)) * narrow(w)
+                v_point = turned(at_wall, v, w, wide3(), real(0.0))
+                if wp.static(spec.vibration):
+                    v_point = v_point - narrow(walls.speed[k] * normal)
+                v_point_ahead = turned(at_wall, v_ahead, w_ahead, wide3(), real(0.0))
+                at_wall = set_motion(at_wall, v_point, v_point_ahead, dt)
+                wall_spring = vec3()
+                wall_kept = vec3()
+                held = (touched & (1 << k)) != 0
+                if wp.static(spec.history):
+                    wall_spring = get_if(particles.wall_spring, k * params.n + i, held)
+                if wp.static(spec.rolling_history):
+                    wall_kept = get_if(particles.wall_rolling, k * params.n + i, held)
+                wall_pair = walls.pairs[k * params.materials + material]
+                push, wall_turn, wall_rolling, wall_spring_new = law(
+                    at_wall, wall_pair, wall_spring, wall_kept, dt, params.dt
+                )
+                force += push
+                if wp.static(spec.vibration):
                     if not (mode & SETUP):
-                        c = wall_contact(distance, normal, radius, mass)
-                        c = set_motion(c, narrow(v), narrow(v_ahead), dt)
-                        force += edge(c, walls.pairs[k * params.materials + material], dt)
+                        work = wp.float64(wp.dot(push, at_wall.normal))
+                        particles.wall_work[i] += work * wp.float64(walls.speed[k] * params.drift)
+                torque -= at_wall.lever * wall_turn + wall_rolling
+                contacts += 2  # a contact with a particle is counted from both sides
+                if wp.static(spec.memory):
+                    if not (mode & SETUP):
+                        if wp.static(spec.history):
+                            put(particles.wall_spring, k * params.n + i, wall_spring_new)
+                        if wp.static(spec.rolling_history):
+                            put(particles.wall_rolling, k * params.n + i, wall_rolling)
+                        touch = touch | (1 << k)
             if wp.static(spec.memory):
                 if touch != touched and not (mode & SETUP):
-                    particles.wall_touch[i] = touch
+                    put_int(particles.wall_touch, i, touch)
 
         if wp.static(spec.gravity):
             force += mass * params.gravity
@@ -372,11 +263,14 @@ def step_kernel(spec: Spec) -> Any:
         if wp.static(spec.several_masses):
             kick = real(0.5) * params.dt / mass
             spin_kick = real(0.5) * params.dt / (real(0.4) * real(radius) * real(radius) * mass)
-        if not (mode & SETUP):
-            v = v + widen(kick * force)
+        behind_kick = kick
+        behind_spin_kick = spin_kick
+        if mode & SETUP:  # velocities are at the full step already
+            behind_kick = real(0.0)
+            behind_spin_kick = real(0.0)
+        v = v + widen(behind_kick * force)
         if wp.static(spec.rotation):
-            if not (mode & SETUP):
-                w = w + widen(spin_kick * torque)
+            w = w + widen(behind_spin_kick * torque)
         if mode & WRITE:
             full.velocity[i] = v
             full.force[i] = force
@@ -393,7 +287,7 @@ def step_kernel(spec: Spec) -> Any:
             if wp.static(spec.rotation):
                 w_ahead = w + widen(real(2.0) * spin_kick * torque)
         put_body(after, i, x, v, w, v_ahead, w_ahead)
-        shift = x - particles.built_at[i]
+        shift = x - get_wide(particles.built_at, i)
         if not (wp.dot(shift, shift) <= params.move_limit):  # true for NaN too
             particles.moved[launch + 1] = 1
 

@@ -11,8 +11,9 @@ from typing import Any
 
 import warp as wp
 
+from gpudem.arrays import access
 from gpudem.body import body_struct
-from gpudem.kernels import nearest_image
+from gpudem.geometry import nearest_image
 from gpudem.spec import Spec
 from gpudem.state import structs
 from gpudem.walls import plane_distance
@@ -41,6 +42,16 @@ def last_cell(c: wp.int32, n: wp.int32, periodic: wp.int32):
             return n - 1
         return c + 1
     return wp.min(c + 1, n - 1)
+
+
+@wp.func
+def wrapped(c: wp.int32, n: wp.int32):
+    """Cell c, at most one outside 0..n-1, of a periodic axis."""
+    if c < 0:
+        return c + n
+    if c >= n:
+        return c - n
+    return c
 
 
 @functools.cache
@@ -209,13 +220,15 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
     Params, Particles = t.Params, t.Particles
     nearest = nearest_image(spec.periodic, spec.precision)
     carry = fill and spec.memory
+    get, integers = access(t.wide3).get, access(wp.int32)
+    get_int, put_int = integers.get, integers.put
 
     @wp.func
     def entry(particles: Particles, at: wp.int32, other: wp.int32):
         """Where the old list of `at` holds `other` as touching; -1: nowhere."""
         found = wp.int32(-1)
         for k in range(particles.start[at], particles.start[at + 1]):
-            if particles.neighbor[k] == -other - 1:
+            if get_int(particles.neighbor, k) == -other - 1:
                 found = wp.int32(0) + k
                 break
         return found
@@ -266,11 +279,11 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
             if found <= HITS:  # all remembered: nothing to search
                 highest = lowest - 1
                 for m in range(found):
-                    neighbor[first + m] = hits[i * HITS + m]
+                    put_int(neighbor, first + m, get_int(hits, i * HITS + m))
                 count = wp.int32(0) + found
         for at_c in range(lowest, highest + 1):
             for at_b in range(first_cell(b, nb, around_b), last_cell(b, nb, around_b) + 1):
-                row = ((at_c + nc) % nc * nb + (at_b + nb) % nb) * na
+                row = (wrapped(at_c, nc) * nb + wrapped(at_b, nb)) * na
                 # cells along a lie side by side in the sorted order: one run, unless they wrap round
                 left = first_cell(a, na, around_a)
                 right = last_cell(a, na, around_a)
@@ -281,14 +294,14 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
                     begin_cell = row + left
                     end_cell = row + right + 1
                     if runs > 1:
-                        begin_cell = row + (left + run + na) % na
+                        begin_cell = row + wrapped(left + run, na)
                         end_cell = begin_cell + 1
-                    begin_j = cell_start[begin_cell]
+                    begin_j = get_int(cell_start, begin_cell)
                     if wp.static(spec.half_list):
                         if begin_j >= block:
                             begin_j = wp.max(begin_j, i + 1)
-                    for j in range(begin_j, cell_start[end_cell]):
-                        d = nearest(x - particles.built_at[j], params.size)
+                    for j in range(begin_j, get_int(cell_start, end_cell)):
+                        d = nearest(x - get(particles.built_at, j), params.size)
                         rsq = wp.dot(d, d)
                         touch = reach
                         if wp.static(spec.several_radii):
@@ -314,11 +327,11 @@ def list_kernel(spec: Spec, fill: bool) -> Any:
                                     status[2] = particles.id[j]
                                     status[0] = wp.int32(TOO_DEEP)
                             if wp.static(fill):
-                                neighbor[first + count] = neighbor[first + at]
-                                neighbor[first + at] = found_j
+                                put_int(neighbor, first + count, get_int(neighbor, first + at))
+                                put_int(neighbor, first + at, found_j)
                             elif count < HITS:
-                                hits[i * HITS + count] = hits[i * HITS + at]
-                                hits[i * HITS + at] = found_j
+                                put_int(hits, i * HITS + count, get_int(hits, i * HITS + at))
+                                put_int(hits, i * HITS + at, found_j)
                             count += 1
         if wp.static(not fill):
             start[i] = count

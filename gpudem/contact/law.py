@@ -75,7 +75,7 @@ def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, p
 
 @functools.cache
 def damping_force(normal: str, limit_force: bool) -> Any:
-    """A function (contact, pair, dt) -> mean damping force [N] over the step from `before` to `after`.
+    """A function (contact, pair, dt) -> mean damping force on i [N] over the step from `before` to `after`.
 
     For pairs apart at the step itself, whose path reaches into contact half a step before or ahead: the
     windows of consecutive steps join, so nothing of the damping's integral is lost or counted twice.
@@ -84,9 +84,11 @@ def damping_force(normal: str, limit_force: bool) -> Any:
 
     @wp.func
     def force(c: Any, p: Any, dt: Any):
-        fn = wp.static(damping_over_step)(c, p, dt)
-        if wp.static(limit_force):
-            fn = wp.max(fn, type(fn)(0.0))
-        return fn
+        if c.before > type(dt)(0.0) or c.after > type(dt)(0.0):
+            fn = wp.static(damping_over_step)(c, p, dt)
+            if wp.static(limit_force):
+                fn = wp.max(fn, type(fn)(0.0))
+            return fn * c.normal
+        return type(c.normal)()
 
     return force

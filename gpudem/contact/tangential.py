@@ -21,8 +21,8 @@ def history(c: Any, p: Any, kt: Any, ct: Any, fn: Any, spring: Any):
     limit = p.friction * wp.abs(fn)
     trial_squared = kt * kt * wp.dot(s, s)
     if trial_squared > limit * limit:
-        s = (limit / wp.sqrt(trial_squared)) * s
-        return -kt * s, s
+        slipped = (limit / wp.sqrt(trial_squared)) * s
+        return -kt * slipped, slipped
     return -kt * s - ct * c.tangential_velocity, s
 
 
