@@ -16,12 +16,11 @@ def cdt(c: Any, p: Any, kn: Any, kt: Any, fn: Any, kept: Any, dt: Any):
     k_n overlap is the normal force without damping. At rest (w = 0) the torque is zero: it holds no slope.
     Source: Ai, Chen, Rotter & Ooi, Powder Technol. 206 (2011) 269, model A.
     """
-    torque = type(c.normal)()
     speed = wp.length(c.spin)
     if speed > type(speed)(0.0):
         torque = (p.rolling_friction * kn * c.overlap * c.radius_eff / speed) * c.spin
-        torque = torque - wp.dot(torque, c.normal) * c.normal
-    return torque
+        return torque - wp.dot(torque, c.normal) * c.normal
+    return type(c.normal)()
 
 
 @wp.func
@@ -39,7 +38,7 @@ def epsd2(c: Any, p: Any, kn: Any, kt: Any, fn: Any, kept: Any, dt: Any):
     limit = p.rolling_friction * wp.abs(fn) * c.radius_eff
     squared = wp.dot(torque, torque)
     if squared > limit * limit:
-        torque = (limit / wp.sqrt(squared)) * torque
+        return (limit / wp.sqrt(squared)) * torque
     return torque
 
 
