@@ -279,3 +279,37 @@ def test_lattice_mixture_comes_from_a_list_of_shares() -> None:
     one = scene(particles=mixture, walls=[FLOOR])
     assert Scene.from_json(one.to_json()) == one
     assert one.needs.several_radii
+
+
+@pytest.mark.parametrize("periodic", [(False, False, False), (True, False, True), (True, True, True)])
+def test_start_overlaps_against_every_pair(periodic: tuple[bool, bool, bool]) -> None:
+    """Catches a pair missed or counted twice over a side, an edge or a corner, and a limit by the larger."""
+    rng, n, size = np.random.default_rng(3), 150, np.array([0.05, 0.04, 0.06])
+    radius = rng.choice([0.002, 0.003], n)
+    position = rng.uniform(0.1, 0.9, (n, 3)) * size
+    position[:2] = [[0.0005, 0.0005, 0.0005], [0.0495, 0.0395, 0.0595]]  # over a corner
+    data = {
+        "particles": Explicit(material="ps", position=position, radius=radius),
+        "walls": [], "domain": Domain(lo=(0, 0, 0), hi=tuple(size), periodic=periodic),
+    }  # fmt: skip
+    d = position[:, None] - position
+    d -= np.where(periodic, size * np.round(d / size), 0.0)
+    i, j = np.triu_indices(n, 1)
+    share = (radius[i] + radius[j] - np.linalg.norm(d[i, j], axis=1)) / np.minimum(radius[i], radius[j])
+    worst = int(np.argmax(share))
+    with pytest.raises(SceneError) as told:
+        scene(**data)
+    found = f"{(share > 0.1).sum()} pairs overlap at the start, the worst: {i[worst] + 1} and {j[worst] + 1} "
+    assert found in str(told.value)
+    assert ((share > 0) & (share < 0.1)).any()
+
+
+def test_start_overlap_over_a_corner() -> None:
+    """Catches images of images left out: the two meet over three sides at once."""
+    corner = {
+        "particles": Explicit(material="ps", radius=0.002, position=[[0.0005] * 3, [0.0495] * 3]),
+        "walls": [],
+    }
+    scene(**corner, domain=Domain(lo=(0, 0, 0), hi=(0.05, 0.05, 0.05), periodic=(True, True, False)))
+    with pytest.raises(SceneError, match=r"1 pairs overlap at the start, the worst: 1 and 2 by 0\.00227 m"):
+        scene(**corner, domain=Domain(lo=(0, 0, 0), hi=(0.05, 0.05, 0.05), periodic=(True, True, True)))

@@ -1,4 +1,4 @@
-"""The C++ that Warp writes for the step kernel: no vector is chosen from two in memory, in a loop or a law."""
+"""The C++ that Warp writes for a step: no vector is chosen from two in memory, in a loop or a law."""
 
 import re
 from pathlib import Path
