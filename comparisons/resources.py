@@ -9,6 +9,7 @@ import subprocess
 import tempfile
 from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
+from typing import Any
 
 from gpudem.errors import GpudemError
 from gpudem.kernels import step_kernel
@@ -38,7 +39,12 @@ def find_ptxas() -> str | None:
 
 
 def step_kernel_resources(spec: Spec, architecture: int = 90) -> KernelResources:
-    """Compile the step kernel of a Spec ahead of time for sm_<architecture> and read the assembler's report.
+    """`kernel_resources` of the step kernel of a Spec."""
+    return kernel_resources(step_kernel(spec), architecture)
+
+
+def kernel_resources(kernel: Any, architecture: int = 90) -> KernelResources:
+    """Compile a kernel, alone in its module, for sm_<architecture> and read the assembler's report.
 
     Raises GpudemError where there is no assembler, or it refuses the code.
     """
@@ -48,8 +54,9 @@ def step_kernel_resources(spec: Spec, architecture: int = 90) -> KernelResources
     if ptxas is None:
         raise GpudemError("no ptxas: install it with  pip install nvidia-cuda-nvcc")
     with tempfile.TemporaryDirectory() as folder:
-        module = step_kernel(spec).module
-        ptx = Path(warp.compile_aot_module(module, arch=architecture, module_dir=folder, use_ptx=True)[0])
+        ptx = Path(
+            warp.compile_aot_module(kernel.module, arch=architecture, module_dir=folder, use_ptx=True)[0]
+        )
         ptx.write_bytes(ptx.read_bytes().rstrip(b"\0"))  # Warp ends the text with a NUL that ptxas refuses
         text = ptx.read_text()
         command = [ptxas, "-v", f"-arch=sm_{architecture}", str(ptx), "-o", str(Path(folder) / "out.cubin")]

@@ -290,5 +290,6 @@ def step_kernel(spec: Spec) -> Any:
         shift = x - get_wide(particles.built_at, i)
         if not (wp.dot(shift, shift) <= params.move_limit):  # true for NaN too
             particles.moved[launch + 1] = 1
+            particles.asked[launch + 1] = 1
 
     return step

@@ -22,9 +22,11 @@ from gpudem.neighbors import (
     TOO_FAST,
     cell_kernel,
     cell_starts,
+    decide,
     gather_kernel,
     list_kernel,
 )
+from gpudem.scan import ExclusiveScan, group_starts, group_sums
 from gpudem.scene import Scene
 from gpudem.state import State
 
@@ -79,6 +81,11 @@ class NeighborList:
         self.count = wp.zeros(n + 1, dtype=wp.int32, device=device)
         self.hits = wp.zeros(n * HITS, dtype=wp.int32, device=device)
         self.status = wp.zeros(3, dtype=wp.int32, device=device)
+        self.scan = ExclusiveScan(self.count, self.start)
+        self.fits = wp.zeros(1, dtype=wp.int32, device=device)
+        """1: the last search on the device found nothing wrong, and the list has room."""
+        self.inside = wp.zeros(2, dtype=wp.int32, device=device)
+        """Of rebuilds within a graph: how many there were; 1: the last one stopped half way."""
         self.scratch = t.Particles()
         self._moved_arrays = ["id"]
         self._moved_arrays += ["radius"] * spec.several_radii + ["mass"] * spec.several_masses
@@ -98,6 +105,10 @@ class NeighborList:
             "gather": gather_kernel(spec),
             "count": list_kernel(spec, fill=False),
             "fill": list_kernel(spec, fill=True),
+            "cell_starts": cell_starts,
+            "decide": decide,
+            "group_sums": group_sums,
+            "group_starts": group_starts,
         }
         self._commands: dict[tuple[str, int], Callable[[], None]] = {}
         self.grew: Callable[[], None] = lambda: None
@@ -150,6 +161,40 @@ class NeighborList:
 
     def rebuild(self) -> None:
         """Sort, re-order, list (which grows where needed). Raises SimulationError: lost particle or NaN."""
+        self._search()
+        self._list()
+
+    def rebuild_inside(self, launch: int) -> None:
+        """The same before a launch of a graph, where a particle asks for it; the host has no look at it.
+
+        Afterwards `now` is the array it was, for a graph cannot swap on a condition. Where something is wrong
+        or the list has no room it stops half way and `moved[launch]` stays: no step is done until `go_on`.
+        """
+        wp.capture_if(self.state.particles.asked[launch : launch + 1], on_true=self._inside, launch=launch)
+
+    def _inside(self, launch: int) -> None:
+        self._search()
+        wp.copy(self.state.next, self.state.now)
+        self.state.swap()
+        wp.launch(
+            decide, 1, inputs=[self.state.n, self.capacity, self.start, self.status],
+            outputs=[self.fits, self.inside], device=self.state.device,
+        )  # fmt: skip
+        wp.capture_if(self.fits, on_true=self._fill, launch=launch)
+
+    def look_inside(self) -> bool:
+        """Counts the rebuilds within graphs since the last look; was the last of them stopped half way?"""
+        done, stopped = (int(v) for v in self.inside.numpy())
+        self.rebuilds += done
+        self.inside.zero_()
+        return bool(stopped)
+
+    def go_on(self) -> None:
+        """Ends a rebuild that stopped half way, making room. Raises SimulationError: what was wrong."""
+        self._list()
+
+    def _search(self) -> None:
+        """Cells, order, particle arrays in that order, neighbours counted, places in the list."""
         state, p = self.state, self.state.particles
         self._run("cells")
         wp.utils.radix_sort_pairs(self.key, self.order, state.n, end_bit=max(1, self.cells.bit_length()))
@@ -165,23 +210,32 @@ class NeighborList:
         for name in self._moved_arrays:
             wp.copy(getattr(p, name), getattr(self.scratch, name))
         self._run("count")
-        wp.utils.array_scan(self.count, self.start, inclusive=False)
+        self.scan.run()
+
+    def _list(self) -> None:
+        """What the search found becomes the list, after a look at it."""
         self._check()
-        total = int(self.start[state.n : state.n + 1].numpy()[0])
+        total = int(self.start[self.state.n : self.state.n + 1].numpy()[0])
         if total > self.capacity:
             self._allocate(int(1.2 * total))
+        self._fill()
+        self.rebuilds += 1
+
+    def _fill(self, launch: int | None = None) -> None:
+        """Writes the list, with the springs that go on; takes back that `launch`, or any, asked for it."""
+        p = self.state.particles
         self._run("fill")
         wp.copy(p.start, self.start)
         wp.copy(p.neighbor, self.neighbor)
         for name in self._kept:
             wp.copy(getattr(p, name), getattr(self, name))
-        p.moved.zero_()
-        self.rebuilds += 1
+        for flags in (p.moved, p.asked):
+            (flags if launch is None else flags[launch : launch + 1]).zero_()
 
     def _run(self, name: str) -> None:
         state = self.state
-        parity = id(state.now)
-        if (name, parity) not in self._commands:
+        key = (name, id(state.now))
+        if key not in self._commands:
             p, now = state.particles, state.now
             listing = [p, self.key, self.cell_start, self.order]
             inputs, outputs = {
@@ -193,8 +247,8 @@ class NeighborList:
                     [self.neighbor, self.spring, self.rolling, self.status],
                 ),
             }[name]
-            self._commands[name, parity] = self.crew.command(self.kernels[name], self.params, inputs, outputs)
-        self._commands[name, parity]()
+            self._commands[key] = self.crew.command(self.kernels[name], self.params, inputs, outputs)
+        self._commands[key]()
 
     def _check(self) -> None:
         """Raises SimulationError for what a rebuild reported: a lost particle, NaN, a guard."""

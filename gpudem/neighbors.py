@@ -213,6 +213,26 @@ def cell_starts(
     start[c] = lo
 
 
+@wp.kernel(enable_backward=False)
+def decide(
+    # in
+    n: wp.int32,
+    capacity: wp.int32,
+    start: wp.array[wp.int32],
+    status: wp.array[wp.int32],
+    # out
+    fits: wp.array[wp.int32],
+    inside: wp.array[wp.int32],
+):
+    """Whether a rebuild within a graph may go on to its list; counts it, or says that it stopped here."""
+    fits[0] = 0
+    if status[0] == OK and start[n] <= capacity:
+        fits[0] = 1
+        inside[0] = inside[0] + 1
+    else:
+        inside[1] = 1
+
+
 @functools.cache
 def list_kernel(spec: Spec, fill: bool) -> Any:
     """Counts the neighbours of each particle, or (`fill`) writes them and finds springs of touching pairs."""

@@ -22,7 +22,6 @@ from gpudem.errors import SimulationError
 from gpudem.frames import Frame
 from gpudem.kernels import SETUP, WRITE, step_kernel
 from gpudem.neighbor_list import NeighborList, block_size, cell_grid, layers_of_cells
-from gpudem.neighbors import cell_starts
 from gpudem.scene import Plane, Scene
 from gpudem.spec import Spec
 from gpudem.state import State, masses
@@ -48,6 +47,7 @@ class Simulation:
         chunk: int | None = None,
         half_list: bool | None = None,
         everything: bool = False,
+        rebuild_inside: bool | None = None,
     ):
         self.device, self.scene = find_device(device), scene
         if half_list and self.device.is_cuda:
@@ -55,7 +55,11 @@ class Simulation:
         self.spec = Spec.of(scene, self.device.is_cpu if half_list is None else half_list)
         if everything:
             self.spec = self.spec.loaded
+        self.graphs = self.device.is_cuda
         self.chunk = chunk or (CUDA_CHUNK if self.device.is_cuda else 1)
+        self.rebuild_inside = rebuild_inside
+        if rebuild_inside is None:
+            self.rebuild_inside = self.device.is_cuda and wp.is_conditional_graph_supported()
         self.state = State(scene, self.spec, self.device, self.chunk)
         self.params = self._params()
         self._choose_order(scene.state.position)
@@ -68,7 +72,7 @@ class Simulation:
         self._commands: dict[tuple[int, int, int], Callable[[], None]] = {}
         self._graphs: dict[tuple[int, int], Any] = {}
         self.step_count = 0
-        self._stale = False
+        self._stale = self._half_way = False
         self._moved = self.state.particles.moved.numpy() if self.device.is_cpu else None
         self._saw_teeth = any(p.vibration and not p.fast_floor for p in scene.planes)
         self.walls: Any = None
@@ -104,7 +108,7 @@ class Simulation:
 
     def _compile(self) -> float:
         begin = time.perf_counter()
-        for kernel in (self.kernel, *self.neighbors.kernels.values(), cell_starts):
+        for kernel in (self.kernel, *self.neighbors.kernels.values()):
             kernel.module.load(self.device, 1 if self.device.is_cpu else 256)
         return time.perf_counter() - begin
 
@@ -141,6 +145,10 @@ class Simulation:
             done = self._launch_chunk(min(steps, self.chunk))
             self.step_count += done
             steps -= done
+            if self._half_way:
+                self._rebuild()
+        if self.rebuild_inside:
+            self.neighbors.look_inside()
 
     def write_step(self, last: bool = False) -> None:
         """One more step, whose positions, velocities and forces can then be read; `last`: stay there."""
@@ -164,19 +172,20 @@ class Simulation:
                 self.state.particles.wall_shift.assign(shifts)
 
     def _launch_chunk(self, steps: int) -> int:
-        """Launch steps without looking between them; those after somebody moved too far did nothing.
+        """Launch steps without looking between them; returns how many were done.
 
-        Returns the steps that were done. On CUDA the launches are one graph, and the look one small copy.
+        On CUDA they are one graph, and the look one small copy. After a launch that moves somebody too far
+        the list is rebuilt within the graph; where that cannot be, the launches after it do nothing.
         """
-        if self.device.is_cuda:
+        if self.graphs:
             self._launch_graph(steps)
         else:
             self._launch_each(steps)
         moved = self._moved_flags()
-        self._stale = bool(moved[steps])
-        if not self._stale:
-            return steps
-        done = int(np.argmax(moved[1 : steps + 1])) + 1
+        self._stale, done = bool(moved[steps]), steps
+        if self._stale:
+            done = int(np.argmax(moved[1 : steps + 1])) + 1
+            self._half_way = self.rebuild_inside and self.neighbors.look_inside()
         if (steps - done) % 2:
             self.state.swap()
         return done
@@ -195,6 +204,8 @@ class Simulation:
 
     def _launch_each(self, steps: int) -> None:
         for launch in range(steps):
+            if self.rebuild_inside and launch:
+                self.neighbors.rebuild_inside(launch)
             self._launch(0, launch)
             self.state.swap()
 
@@ -203,7 +214,8 @@ class Simulation:
 
     def _rebuild(self) -> None:
         try:
-            self.neighbors.rebuild()
+            (self.neighbors.go_on if self._half_way else self.neighbors.rebuild)()
+            self._stale = self._half_way = False
         except SimulationError as error:
             step = self.step_count + 1
             what, mark, advice = str(error).partition("; ")
@@ -275,7 +287,7 @@ class Simulation:
 
         Not those that are zero between steps or follow from the number of the step.
         """
-        leave = ("pairs", "moved", "force_so_far", "torque_so_far", "wall_shift")
+        leave = ("pairs", "moved", "asked", "force_so_far", "torque_so_far", "wall_shift")
         names = [name for name in self.state.types.Particles.vars if name not in leave]
         return [name for name in names if getattr(self.state.particles, name) is not None]
 

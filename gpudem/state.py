@@ -73,7 +73,8 @@ def structs(precision: str, vibration: bool) -> SimpleNamespace:
         pairs: wp.array[Pair]  # coefficients by material pair, (materials^2,)
         force_so_far: wp.array[vec3]  # from particles before it in its block [N], (n,); half list alone
         torque_so_far: wp.array[vec3]  # [N m], (n,), likewise
-        moved: wp.array[wp.int32]  # k + 1: launch k moved somebody beyond skin/2, (chunk + 1,)
+        moved: wp.array[wp.int32]  # k + 1: launch k or one before moved somebody beyond skin/2, (chunk + 1,)
+        asked: wp.array[wp.int32]  # k + 1: launch k itself did, (chunk + 1,)
 
     if vibration:
         Particles.__annotations__ |= {
@@ -163,6 +164,7 @@ class State:
         p.force_so_far = vectors(n, spec.half_list)
         p.torque_so_far = vectors(n, spec.half_list and spec.rotation)
         p.moved = wp.zeros(chunk + 1, dtype=wp.int32, device=device)
+        p.asked = wp.zeros(chunk + 1, dtype=wp.int32, device=device)
         self.full: Any = None
 
     def allocate_full(self) -> None:

@@ -1,11 +1,12 @@
-"""Without a GPU: the step kernels compile for sm_90, without spills, within the registers of half occupancy.
+"""Without a GPU: the kernels compile for sm_90, without spills, within the registers of half occupancy.
 
 Catches CUDA-only compile errors, and a change that pushes a kernel into local memory.
 """
 
 import pytest
 
-from comparisons.resources import find_ptxas, step_kernel_resources
+from comparisons.resources import find_ptxas, kernel_resources, step_kernel_resources
+from gpudem.neighbors import cell_kernel, gather_kernel, list_kernel
 from gpudem.spec import Spec
 
 FULL = {"tangential": "history", "rotation": True, "gravity": True, "walls": True}
@@ -50,3 +51,14 @@ def test_motion_moves_in_words_of_16_bytes(precision, loads, stores):
     """
     found = step_kernel_resources(Spec(precision=precision, **FULL))
     assert (found.wide_loads, found.wide_stores) == (loads, stores)
+
+
+@pytest.mark.parametrize("given", [FULL, EVERYTHING], ids=["full", "everything"])
+def test_rebuild_without_spills(given):
+    """The launches of a rebuild. Their stack holds the few numbers that are picked by axis at run time."""
+    spec = Spec(**given)
+    for kernel in (cell_kernel(spec), gather_kernel(spec), list_kernel(spec, False), list_kernel(spec, True)):
+        found = kernel_resources(kernel)
+        assert found.spill_bytes == 0
+        assert found.stack_bytes <= 72, kernel.key  # 3 x 3 float64
+        assert 16 < found.registers <= 64, kernel.key
