@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,7 +36,10 @@ def bulk(scene: Scene, frame: Frame, mass: np.ndarray, step: int, contacts: int)
 
 
 class Recorder:
-    """Collects the output of one run. `due(step)`: is anything wanted at a step; `next_after`: when."""
+    """Collects the output of one run. `due(step)`: is anything wanted at a step; `next_after`: when.
+
+    Frames are written by a thread of their own while the run goes on, one at a time; `settle` waits for it.
+    """
 
     def __init__(self, scene: Scene, directory: Path | None, resumed: Restart | None = None):
         self.scene, self.mass = scene, masses(scene)
@@ -52,6 +56,8 @@ class Recorder:
                 self.writer = FrameWriter(directory, scene, resumed.step if resumed else None)
             except OSError as error:
                 raise GpudemError(f"{directory}: cannot be written: {error.strerror}") from error
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="frames")
+        self._writing: Future[None] | None = None
         self._trace: list[tuple[int, Frame]] = []
         self._history: list[tuple[float, ...]] = []
         self.restart_stride = scene.stride(output.restart_every) if directory is not None else None
@@ -95,7 +101,23 @@ class Recorder:
             row = bulk(self.scene, frame, self.mass, step, contacts)
             self._history.append(row if work is None else (*row, work))
         if self.writer and self.frame_stride and step % self.frame_stride == 0:
-            self.writer.add(step, frame)
+            self.settle()
+            self._writing = self._pool.submit(self.writer.add, step, frame)
+
+    def settle(self) -> None:
+        """Wait until the last frame is on disk. Raises what went wrong in writing it."""
+        writing, self._writing = self._writing, None
+        if writing is not None:
+            writing.result()
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        try:
+            self.settle()
+        finally:
+            self._pool.shutdown()
 
     @property
     def trace(self) -> dict[str, np.ndarray] | None:

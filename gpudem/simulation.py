@@ -96,7 +96,10 @@ def _run(
         notes["resumed_at_step"] = restart.step
         clock.add(restart.seconds)
     try:
-        _segments(simulation, recorder, clock, path, restart)
+        with recorder:
+            _segments(simulation, recorder, clock, path, restart)
+            with clock.output():
+                recorder.settle()
     except KeyboardInterrupt:
         notes["interrupted_at_step"] = simulation.step_count
         raise
@@ -143,6 +146,7 @@ def _segments(
     def save_if_due(step: int) -> None:
         if path is not None and recorder.restart_due(step):
             with clock.output():
+                recorder.settle()
                 arrays, recorded = simulation.saved(), recorder.saved()
                 Restart(simulation.scene, step, arrays, recorded, clock.seconds()).save(path)
 

@@ -27,7 +27,7 @@ from gpudem.spec import Spec
 from gpudem.state import State, masses
 from gpudem.walls import pair_entries, pair_table, wall_table
 
-#: Steps launched as one CUDA graph between two looks at whether the list is out of date.
+#: Steps launched as one CUDA graph between two looks of the host.
 CUDA_CHUNK = 32
 
 
@@ -296,7 +296,8 @@ class Simulation:
     def frame(self) -> Frame:
         """The written step as a table in order of id, float64. Raises SimulationError for NaN in it."""
         state, scene = self.state, self.scene
-        row = state.particles.id.numpy()
+        host = state.host
+        row = host(state.particles.id)
 
         def by_id(values: np.ndarray) -> np.ndarray:
             out = np.empty((state.n, 3))
@@ -307,12 +308,12 @@ class Simulation:
         frame = {
             "id": np.arange(1, state.n + 1, dtype=np.int64),
             "material": scene.state.material.astype(np.int32),
-            "position": self._inside(by_id(self._written.numpy()["position"])),
-            "velocity": by_id(full.velocity.numpy()),
-            "angular_velocity": by_id(full.angular_velocity.numpy()) if self.spec.rotation else zeros,
+            "position": self._inside(by_id(host(self._written)["position"])),
+            "velocity": by_id(host(full.velocity)),
+            "angular_velocity": by_id(host(full.angular_velocity)) if self.spec.rotation else zeros,
             "radius": scene.state.radius,
-            "force": by_id(full.force.numpy()),
-            "torque": by_id(full.torque.numpy()) if self.spec.rotation else zeros,
+            "force": by_id(host(full.force)),
+            "torque": by_id(host(full.torque)) if self.spec.rotation else zeros,
         }
         for name in ("position", "velocity"):
             if not np.isfinite(frame[name]).all():
@@ -331,7 +332,7 @@ class Simulation:
 
     def contact_count(self) -> int:
         """Contacts in the written step, between particles and with walls."""
-        return int(self.state.full.contacts.numpy().sum()) // 2
+        return int(self.state.host(self.state.full.contacts).sum()) // 2
 
     def wall_work(self) -> float | None:
         """Work of moving planes since the start [J]; None where no plane moves.

@@ -166,6 +166,7 @@ class State:
         p.moved = wp.zeros(chunk + 1, dtype=wp.int32, device=device)
         p.asked = wp.zeros(chunk + 1, dtype=wp.int32, device=device)
         self.full: Any = None
+        self._views: dict[int, np.ndarray] = {}
 
     def allocate_full(self) -> None:
         """The arrays that output needs, on first use."""
@@ -182,6 +183,14 @@ class State:
     def swap(self) -> None:
         """What was written, by a step or by a rebuild, becomes the present."""
         self.now, self.next = self.next, self.now
+
+    def host(self, array: wp.array) -> np.ndarray:
+        """Numbers of an array that lasts as long as this state: a copy; on the CPU a view, made once."""
+        if self.device.is_cuda:
+            return array.numpy()
+        if array.ptr not in self._views:
+            self._views[array.ptr] = array.numpy()
+        return self._views[array.ptr]
 
     def arrays(self) -> dict[str, wp.array]:
         """Every array there is, by name: what a scene costs in memory."""

@@ -69,10 +69,10 @@ def run(
 
     def keep() -> None:
         start = time.perf_counter()
-        recorder.add(step, _frame(engine, scene), 0)
         if recorder.history_stride and step % recorder.history_stride == 0:
             counts, sums = engine.counts, engine.sums
             more.append((counts.collisions, counts.walls, sums.work, sums.dissipated, sums.virial))
+        recorder.add(step, _frame(engine, scene), 0)
         seconds["output"] += time.perf_counter() - start
 
     def report(t: float) -> None:
@@ -80,17 +80,18 @@ def run(
             progress(round(t / scene.time.step))
 
     try:
-        keep()
-        while step < scene.n_steps:
-            stop = min(recorder.next_after(step), scene.n_steps)
-            start = time.perf_counter()
-            try:
-                engine.advance(stop * scene.time.step, budget, progress=report)
-            finally:
-                seconds["stepping"] += time.perf_counter() - start
-            step = stop
+        with recorder:
             keep()
-            report(engine.time)
+            while step < scene.n_steps:
+                stop = min(recorder.next_after(step), scene.n_steps)
+                start = time.perf_counter()
+                try:
+                    engine.advance(stop * scene.time.step, budget, progress=report)
+                finally:
+                    seconds["stepping"] += time.perf_counter() - start
+                step = stop
+                keep()
+                report(engine.time)
     except KeyboardInterrupt:
         notes["interrupted_at_step"] = step
         raise
@@ -108,7 +109,7 @@ def run(
         }
         history = recorder.history
         if history is not None:
-            history[list(EVENT_COLUMNS)] = np.array(more)
+            history[list(EVENT_COLUMNS)] = np.array(more[: len(history)])
         result = Run(
             code="event_driven",
             version=_version(),

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from gpudem.errors import GpudemError, SimulationError
-from gpudem.frames import Frames
+from gpudem.event_driven.simulation import run as run_events
+from gpudem.frames import Frame, Frames, FrameWriter
 from gpudem.run import Run
 from gpudem.simulation import run
 from tests.gpudem.beds import falling_bed
@@ -43,6 +44,29 @@ def test_directory_that_cannot_be_made(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(GpudemError, match="cannot be written"):
         run(scene("two", **FACING, steps=10), tmp_path / "file" / "inside")
+
+
+@pytest.mark.parametrize("code", [run, run_events], ids=["time_stepping", "event_driven"])
+@pytest.mark.parametrize("good", [1, 10])
+def test_a_frame_that_cannot_be_written(tmp_path, monkeypatch, code, good):
+    """Disk full at a frame in the middle, or at the last: catches an error lost in the thread that writes."""
+    off = {"tangential": "off"}
+    bed = scene("two", **FACING, steps=1000, output={"frames_every": 1e-4}, contact=off)
+    write, frames = FrameWriter.add, []
+
+    def add(self: FrameWriter, step: int, frame: Frame) -> None:
+        frames.append(step)
+        if len(frames) > good:
+            raise OSError(28, "No space left on device")
+        write(self, step, frame)
+
+    monkeypatch.setattr(FrameWriter, "add", add)
+    with pytest.raises(OSError, match="No space left"):
+        code(bed, tmp_path)
+    kept = Run.load(tmp_path)
+    assert "No space left" in kept.notes["failed"]
+    assert len(kept.frames) == good
+    assert len(frames) == good + 1
 
 
 def test_interrupt_keeps_what_there_is(tmp_path):
