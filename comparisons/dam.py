@@ -35,8 +35,6 @@ READ_AT = np.arange(0.0, LENGTH + 1e-9, 0.1)
 PROFILE_AT = np.arange(0.005, LENGTH, 0.01)
 #: Time after the gate goes [s] at which the flow is measured: well spread, and before the far wall.
 IN_FLOW = 0.3
-#: Time after the gate goes [s] in which the bed gives back what its contacts stored.
-RELEASE = 0.05
 #: Time from the start [s] over which the codes must agree: thousands of contacts, before rounding has grown.
 EARLY = 0.07
 
@@ -203,23 +201,13 @@ def measures(results: Results, label: str, code: str) -> dict[str, float]:
     return results.once(("measures", label, code), compute)
 
 
-def energy_rise(run: Run, few: bool = False) -> float:
-    """Largest rise of kinetic + potential energy above its lowest value, by the fall since the gate went.
-
-    Counted from `RELEASE` on: the softened bed stores 1 % of the fall in its contacts, and gives it back
-    first. With `few` balls a dip of a single row is no lowest value: of 515, one that is amid its impact on a
-    wall holds 0.3 % of the fall, and gets most of it back by the next row.
-    """
-    from scipy.ndimage import maximum_filter1d
-
-    table = run.history[run.history["time"] >= opening(run) + RELEASE]
-    kinetic, spin, potential = (
-        np.asarray(table[f"{k}_energy"]) for k in ("kinetic", "rotational", "potential")
-    )
-    total = kinetic + spin + potential
-    if few:
-        total = maximum_filter1d(total, 3, mode="nearest")
-    return float((total - np.minimum.accumulate(total)).max() / (potential[0] - potential[-1]))
+def unrest(run: Run) -> float:
+    """Kinetic energy, spins with it, in the last row before the gate goes, by the fall of the flow."""
+    table, gone = run.history, opening(run)
+    kinetic = np.asarray(table["kinetic_energy"] + table["rotational_energy"])
+    potential = np.asarray(table["potential_energy"])
+    before = np.asarray(table["time"]) < gone
+    return float(kinetic[before][-1] / (potential[before][-1] - potential[~before].min()))
 
 
 def bed(run: Run) -> dict[str, float]:

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from comparisons import dam
-from comparisons.case import Measured, Results
+from comparisons.case import Check, Measured, Results, Tier
 from comparisons.metrics import pile, statistics
 
 #: Level of the tests: runs are deterministic, so that a false alarm would stay.
@@ -51,6 +51,35 @@ def early(results: Results) -> Measured:
     worst = max(found, key=lambda label: found[label])
     note = f"{len(found)} variants, at least {min(touched):g} contacts at once; largest in {worst}"
     return Measured(found[worst] if min(touched) > 0 else float("nan"), note=note)
+
+
+#: What may be left of the fall in a bed after 0.3 s (quick tier) or 0.5 s: tiers, tolerance, its reason.
+UNREST: tuple[tuple[tuple[Tier, ...], float, str], ...] = (
+    (("quick",), 2.5e-3, "a sound bed has 0.0014 left after 0.3 s"),
+    (("standard", "full"), 5e-4, "a sound bed has 0.0001 left after 0.5 s, the weakest error 0.001"),
+)
+
+
+def at_rest(code: str) -> list[Check]:
+    """Damping and friction have brought the bed of every run to rest when the gate goes."""
+
+    def measure(results: Results) -> Measured:
+        left = {label: dam.unrest(run) for label, run in results.of(code)}
+        worst = max(left, key=left.__getitem__)
+        return Measured(left[worst], note=f"{len(left)} runs, most in {worst}")
+
+    return [
+        Check(
+            name=f"kinetic energy when the gate goes / fall of the flow ({code})",
+            measure=measure, tolerance=tolerance, unit="1", against="rest", mark="A", needs=(code,),
+            tiers=tiers, reason=reason,
+            catches=(
+                "contacts that feed energy in: damping of the wrong sign (it leaves 0.002 to 0.07), a spring"
+                " a tenth stiffer on its way out (0.001 to 0.004)"
+            ),
+        )
+        for tiers, tolerance, reason in UNREST
+    ]  # fmt: skip
 
 
 def compared(results: Results) -> dict[str, tuple[statistics.Comparison, float]]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from comparisons import dam, plots, render
+from comparisons import dam, dam_checks, plots, render
 from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.metrics import pile, statistics
 from gpudem.scene import Domain
@@ -95,10 +95,6 @@ def arrivals(results: Results) -> Measured:
     """Difference of the codes' times to the far wall [s]."""
     a, b = (dam.arrival(results[LABEL, code]) for code in BOTH)
     return Measured(abs(a - b), note=f"{a:.3f} and {b:.3f} s")
-
-
-def energy(results: Results, code: str) -> Measured:
-    return Measured(dam.energy_rise(results[LABEL, code]))
 
 
 def _profiles(results: Results) -> MatplotlibFigure:
@@ -206,16 +202,7 @@ CASE = Case(
             )
             for code in BOTH
         ),
-        *(
-            Check(
-                name=f"kinetic + potential energy: largest rise in the flow / its fall ({code})",
-                measure=lambda results, code=code: energy(results, code), tolerance=2e-3, unit="1",
-                against="energy balance", mark="A", needs=(code,),
-                reason="only what contacts store may come back; friction and damping only take",
-                catches="a contact that feeds energy in: a wrong sign, a step too long, a spring kept",
-            )
-            for code in BOTH
-        ),
+        *(check for code in BOTH for check in dam_checks.at_rest(code)),
     ),
     figures=(
         Figure(

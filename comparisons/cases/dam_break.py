@@ -49,13 +49,6 @@ def _arrival_off(results: Results, code: str) -> Measured:
     return Measured(off, time, dam.MEASURED_ARRIVAL, note=f"friction {dam.BALL_FRICTION:g}, not fitted")
 
 
-def _energy(results: Results, code: str) -> Measured:
-    few = results.tier == "quick"
-    rises = {label: dam.energy_rise(run, few) for label, run in results.of(code)}
-    worst = max(rises, key=rises.__getitem__)
-    return Measured(rises[worst], note=f"{len(rises)} runs, largest in {worst}")
-
-
 def _between() -> list[Check]:
     """Codes against each other: distributions over seeds, and the single runs of the three gates."""
     common: dict[str, Any] = {"against": "LIGGGHTS", "mark": "X", "needs": BOTH}
@@ -121,14 +114,7 @@ def _published(code: str) -> list[Check]:
     paper: dict[str, Any] = {"against": "Park et al. 2014", "mark": "P", "tiers": BENCH, **common}
     gates = list(GATE_LABELS.values())
     return [
-        Check(
-            name=f"kinetic + potential energy: largest rise in the flow / its fall ({code})",
-            measure=lambda results: _energy(results, code), tolerance=2e-3, unit="1", mark="A",
-            against="energy balance",
-            reason="only what contacts store may come back; friction and damping only take",
-            catches="a contact that feeds energy in: a wrong sign, a step too long, a spring kept",
-            **common,
-        ),
+        *dam_checks.at_rest(code),
         Check(
             name=f"time to the far wall: distance from 0.49 s (experiment) .. 0.54 s (paper) ({code})",
             measure=lambda results: _arrival_off(results, code), tolerance=0.03, unit="s",
