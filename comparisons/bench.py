@@ -81,6 +81,16 @@ class Plan:
             found += [("liggghts", "cpu", cores, "float64")] * (self.liggghts and device == "cpu")
         return found
 
+    def again(self, rows: list[Row]) -> list[str]:
+        """Beds and places of the plan that were measured before: whose repeats would be mixed with theirs."""
+        done = {(r.state, r.particles, r.device, r.cores) for r in rows}
+        planned = itertools.product(self.beds, self.sizes, self.places())
+        return [
+            f"{bed} {size} on {device}, cores {cores}"
+            for bed, size, (device, cores) in planned
+            if (bed, size, device, cores) in done
+        ]
+
     def steps(self, size: int, device: str, cores: int) -> int:
         """So many that a core of a CPU is busy for some 10 s, and a GPU for 5 s at 1e9 particle-steps/s."""
         budget = self.budget * (cores if device == "cpu" else 100)
@@ -284,6 +294,8 @@ def command(
         liggghts=liggghts,
     )  # fmt: skip
     made = earlier(out) if append else Bench([], [], [], [])
+    if again := plan.again(made.rows):
+        raise GpudemError(f"--append: {out} has {again[0]} already")
     made.left_out.extend(size for size in sizes if size not in plan.sizes)
     for size in made.left_out:
         click.echo(f"{size} spheres: left out, they need {(NEED_FIRST + NEED * size) / 2**30:.1f} GiB")

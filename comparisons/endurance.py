@@ -70,19 +70,21 @@ def bed(friction: float, duration: float) -> Scene:
     )  # fmt: skip
 
 
+#: The whole bed's weight by a diameter [J].
+SCALE = BALLS * SOFT.density * 4 / 3 * math.pi * RADIUS**3 * GRAVITY * 2 * RADIUS
+
+
 def kinetic(run: Run) -> tuple[np.ndarray, np.ndarray]:
     """(time [s], kinetic + rotational energy by that of the whole bed's weight falling a diameter [1])."""
-    mass = BALLS * SOFT.density * 4 / 3 * math.pi * RADIUS**3
     table = run.history
     energy = (table["kinetic_energy"] + table["rotational_energy"]).to_numpy()
-    return table["time"].to_numpy(), energy / (mass * GRAVITY * 2 * RADIUS)
+    return table["time"].to_numpy(), energy / SCALE
 
 
 def fall(run: Run) -> float:
     """How far the bed's centre sank / diameter, by its potential energy."""
-    mass = BALLS * SOFT.density * 4 / 3 * math.pi * RADIUS**3
     potential = run.history["potential_energy"].to_numpy()
-    return float(potential[0] - potential[-1]) / (mass * GRAVITY * 2 * RADIUS)
+    return float(potential[0] - potential[-1]) / SCALE
 
 
 def creep(run: Run) -> float:

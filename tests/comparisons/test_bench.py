@@ -92,10 +92,13 @@ def test_measures_and_writes(tmp_path):
     more = [*arguments.replace("flowing", "settled").split(), "--append", "--out", str(out)]
     done = CliRunner().invoke(bench.command, more, catch_exceptions=False)
     assert [r["state"] for r in json.loads(out.read_text())["rows"]] == ["flowing", "settled"]
-    data["provenance"]["commit"] = "another"
-    out.write_text(json.dumps(data))
-    with pytest.raises(GpudemError, match="is of commit another"):
+    with pytest.raises(GpudemError, match="has settled 1000 on cpu, cores 1 already"):
         CliRunner().invoke(bench.command, more, catch_exceptions=False)
+    for what in ("commit", "hardware"):
+        other = {**data, "provenance": {**data["provenance"], what: "another"}}
+        out.write_text(json.dumps(other))
+        with pytest.raises(GpudemError, match=f"is of {what} another"):
+            CliRunner().invoke(bench.command, more, catch_exceptions=False)
 
 
 def test_what_does_not_fit_is_left_out(monkeypatch):
