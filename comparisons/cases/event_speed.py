@@ -108,7 +108,7 @@ def _figure(results: Results) -> MatplotlibFigure:
     right.plot(n, 1e6 * np.array(list(times.values())), "o", color=plots.SERIES[0], label="tree")
     for most, style in ((CACHED, "-"), (max(times), ":")):
         a, b = logarithm({k: v for k, v in times.items() if k <= most})
-        fit = f"N up to {most}: {1e6 * a:.2f} + {1e6 * b:.3f} log2 N"
+        fit = f"N up to {most}: {1e6 * a:.2f} {1e6 * b:+.3f} log2 N"
         right.plot(n, 1e6 * (a + b * np.log2(n)), color="0.4", lw=1.0, ls=style, label=fit)
     left.set(xscale="log", yscale="log", xlabel="particles N", ylabel="time per event [microseconds]")
     right.set(xscale="log", xlabel="particles N", ylabel="time per event [microseconds]")
