@@ -5,6 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from gpudem.contact.normal import NORMAL
+from gpudem.contact.rolling import ROLLING
+from gpudem.contact.tangential import TANGENTIAL
 from gpudem.device import wp
 from gpudem.kernels import step_kernel
 from gpudem.spec import Spec
@@ -12,11 +15,11 @@ from gpudem.spec import Spec
 FULL = {"tangential": "history", "rotation": True, "gravity": True, "walls": True, "half_list": True}
 MORE = {**FULL, "several_materials": True, "several_radii": True, "periodic": (True, True, True)}
 SPECS = {
-    "full": FULL,
-    "full mixed": {**FULL, "precision": "mixed"},
+    "mixed": {**FULL, "precision": "mixed"},
     "full list": {**FULL, "half_list": False},
-    "cdt": {**MORE, "rolling": "cdt"},
-    "epsd2": {**MORE, "rolling": "epsd2"},
+    **{f"normal {name}": {**FULL, "normal": name} for name in NORMAL},
+    **{f"tangential {name}": {**FULL, "tangential": name} for name in TANGENTIAL},
+    **{f"rolling {name}": {**MORE, "rolling": name} for name in ROLLING},
 }
 
 
