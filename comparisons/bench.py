@@ -193,13 +193,14 @@ def memory(rows: list[Row]) -> list[dict[str, Any]]:
 
 
 def scaling(rows: list[Row]) -> list[dict[str, Any]]:
-    """Exponent k of seconds per step ~ N^k over the large beds, least squares of the logarithms."""
+    """Exponent k of seconds per step ~ N^k over the large beds: least squares of logarithms of medians."""
     table = []
     for key in dict.fromkeys(_kind(r)[1:] for r in rows):
         mine = [r for r in rows if _kind(r)[1:] == key and r.particles >= LARGE]
-        n = np.array([r.particles for r in mine], float)
-        if len(set(n)) >= 3:
-            slope = np.polyfit(np.log(n), np.log(n / np.array([r.rate for r in mine])), 1)[0]
+        n = np.array(sorted({r.particles for r in mine}), float)
+        if len(n) >= 3:  # each size counts once, however often it was measured
+            rate = [statistics.median(r.rate for r in mine if r.particles == size) for size in n]
+            slope = np.polyfit(np.log(n), np.log(n / np.array(rate)), 1)[0]
             names = ("bed", "device", "cores", "code", "precision")
             table.append({**dict(zip(names, key, strict=True)), "exponent": slope, "up to": int(n.max())})
     return table

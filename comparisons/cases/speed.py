@@ -212,8 +212,8 @@ CASE = Case(
         Table("Recorded bench", _recorded_caption(), recorded_table("summary")),
         Table(
             "Recorded bench: cost against the number of balls",
-            f"Exponent k of seconds per step ~ N^k from {LARGE} balls on, least squares of the logarithms:"
-            " 1 is linear; what is above is memory that no longer fits the caches.",
+            f"Exponent k of seconds per step ~ N^k from {LARGE} balls on, least squares of the logarithms of"
+            " the medians: 1 is linear; what is above is memory that no longer fits the caches.",
             recorded_table("scaling"),
         ),
         Table(

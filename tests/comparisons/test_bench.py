@@ -40,9 +40,10 @@ def test_share_of_the_roofline():
 
 
 def test_exponent_of_the_cost():
-    """Catches small beds, which stay in the caches, counted in."""
+    """Catches small beds, which stay in the caches, counted in; a size that counts as often as it was run."""
     sizes = (1000, 10_000, 100_000, 1_000_000)
     rows = [row(particles=n, rate=1e9 if n == 1000 else 1e7 * n**-0.1) for n in sizes]
+    rows += [row(particles=10_000, rate=factor * rows[1].rate) for factor in (0.5, 3.0)]
     (line,) = bench.scaling(rows)
     assert line["exponent"] == pytest.approx(1.1)
     assert line["up to"] == 1_000_000
