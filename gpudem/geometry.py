@@ -90,7 +90,11 @@ def contact_geometry(spec: Spec) -> SimpleNamespace:
         c = Contact()
         ri = real(wide_ri)
         rj = real(wide_rj)
-        if wp.static(mixed):  # the small difference in float64, without its square root
+        if wp.static(mixed and spec.half_list):
+            r = wp.sqrt(rsq)
+            c.normal = narrow(d * (wide(1.0) / r))
+            c.overlap = real(wide_ri + wide_rj - r)
+        elif wp.static(mixed):  # the small difference in float64, without its square root, dear to a GPU
             r = wp.sqrt(real(rsq))
             reach = wide_ri + wide_rj
             c.normal = narrow(d) * (real(1.0) / r)
