@@ -34,6 +34,9 @@ CUDA_CHUNK = 32
 class Simulation:
     """One scene on one device. `step_count` steps are done; after `write` the full-step state can be read.
 
+    With `rebuild_inside`, as on a CUDA device whose graphs can branch, the list is rebuilt between two launches
+    of a chunk, which the host has no part in; else the launches up to the next look at it do nothing.
+
     Raises:
         SimulationError: lost particle, NaN, naming particle and time.
         ValueError: a half list for a CUDA device.
