@@ -222,7 +222,7 @@ def advice(results: Results) -> pandas.DataFrame:
         modulus += stiff_dam_checks.advice(results)
     precision = (
         f"Use mixed or float64 at any modulus (mixed is right to {number(good, 2)} on all of these, and takes"
-        f" 1/{faster:.2f} of the time of float64 in the dam break); float32 is off by more than"
+        f" {1 / faster:.2f} times the time of float64 in this dam break); float32 is off by more than"
         f" {100 * FLOAT32_FAILS:g} %, without a message, from {number(min(wrong), 3)} Pa on at {PLACE:g} m"
         " from the origin."
     )
