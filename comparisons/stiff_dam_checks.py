@@ -115,8 +115,8 @@ def checks() -> tuple[Check, ...]:
             name="dam break: time of float64 / time of mixed at the hardest modulus, median over seeds",
             measure=speed, lo=0.8, tolerance=math.inf, unit="1", against="gpudem float64", mark="R",
             tiers=TIERS,
-            reason="on a CPU, and in its caches, a float64 costs no more than a float32, which must be converted:"
-            " mixed saves memory there, and time on large beds and on a GPU",
+            reason="in a CPU's caches a float64 costs no more than a float32, which must be converted: there"
+            " mixed saves memory alone, and time on large beds",
             catches="a mixed mode that costs more than its conversions",
         ),
         *(
