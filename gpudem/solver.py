@@ -34,8 +34,8 @@ CUDA_CHUNK = 32
 class Simulation:
     """One scene on one device. `step_count` steps are done; after `write` the full-step state can be read.
 
-    With `rebuild_inside`, as on a CUDA device whose graphs can branch, the list is rebuilt between launches of
-    a chunk, without the host; else the launches up to its next look do nothing.
+    With `rebuild_inside`, as on a CUDA device whose graphs can branch, the list is rebuilt between launches
+    of a chunk, without the host; else the launches up to its next look do nothing.
 
     Raises:
         SimulationError: lost particle, NaN, naming particle and time.
