@@ -66,11 +66,11 @@ def block_size(n: int, layers: float) -> int:
 
 
 class NeighborList:
-    """Rebuilds the list of a State when told to; `rebuilds` counts how often."""
+    """Rebuilds the list of a State when told to."""
 
     def __init__(self, scene: Scene, state: State, params: Any, crew: Crew):
         self.state, self.params, self.crew, self.scene = state, params, crew, scene
-        self.rebuilds = 0
+        self._by_host = 0
         self.walls: Any = state.types.Walls()
         spec, device, n, t = state.spec, state.device, state.n, state.types
         self.cells = math.prod(params.cells)
@@ -85,7 +85,7 @@ class NeighborList:
         self.fits = wp.zeros(1, dtype=wp.int32, device=device)
         """1: the last search on the device found nothing wrong, and the list has room."""
         self.inside = wp.zeros(2, dtype=wp.int32, device=device)
-        """Of rebuilds within a graph: how many there were; 1: the last one stopped half way."""
+        """Of rebuilds within a graph: how many there were; 1: one stopped half way."""
         self.scratch = t.Particles()
         self._moved_arrays = ["id"]
         self._moved_arrays += ["radius"] * spec.several_radii + ["mass"] * spec.several_masses
@@ -144,6 +144,16 @@ class NeighborList:
         return chosen
 
     @property
+    def rebuilds(self) -> int:
+        """How often the list was made anew."""
+        return self._by_host + int(self.inside.numpy()[0])
+
+    @rebuilds.setter
+    def rebuilds(self, count: int) -> None:
+        self._by_host = count
+        self.inside.zero_()
+
+    @property
     def entry_arrays(self) -> tuple[str, ...]:
         """Arrays of `state.particles` with one value for each entry of the list."""
         return ("neighbor", *self._kept)
@@ -162,7 +172,7 @@ class NeighborList:
     def rebuild(self) -> None:
         """Sort, re-order, list (which grows where needed). Raises SimulationError: lost particle or NaN."""
         self._search()
-        self._list()
+        self.go_on()
 
     def rebuild_inside(self, launch: int) -> None:
         """The same before a launch of a graph, where a particle asks for it; the host has no look at it.
@@ -182,16 +192,22 @@ class NeighborList:
         )  # fmt: skip
         wp.capture_if(self.fits, on_true=self._fill, launch=launch)
 
-    def look_inside(self) -> bool:
-        """Counts the rebuilds within graphs since the last look; was the last of them stopped half way?"""
-        done, stopped = (int(v) for v in self.inside.numpy())
-        self.rebuilds += done
-        self.inside.zero_()
-        return bool(stopped)
+    def stopped(self) -> bool:
+        """Whether a rebuild within a graph has stopped half way; `go_on` must follow."""
+        return bool(self.inside.numpy()[1])
 
     def go_on(self) -> None:
-        """Ends a rebuild that stopped half way, making room. Raises SimulationError: what was wrong."""
-        self._list()
+        """The second half of a rebuild, after a look at the first: what was found becomes the list.
+
+        Raises SimulationError for what was wrong.
+        """
+        self._check()
+        total = int(self.start[self.state.n : self.state.n + 1].numpy()[0])
+        if total > self.capacity:
+            self._allocate(int(1.2 * total))
+        self._fill()
+        self.inside[1:].zero_()
+        self._by_host += 1
 
     def _search(self) -> None:
         """Cells, order, particle arrays in that order, neighbours counted, places in the list."""
@@ -211,15 +227,6 @@ class NeighborList:
             wp.copy(getattr(p, name), getattr(self.scratch, name))
         self._run("count")
         self.scan.run()
-
-    def _list(self) -> None:
-        """What the search found becomes the list, after a look at it."""
-        self._check()
-        total = int(self.start[self.state.n : self.state.n + 1].numpy()[0])
-        if total > self.capacity:
-            self._allocate(int(1.2 * total))
-        self._fill()
-        self.rebuilds += 1
 
     def _fill(self, launch: int | None = None) -> None:
         """Writes the list, with the springs that go on; takes back that `launch`, or any, asked for it."""

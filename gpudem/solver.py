@@ -150,8 +150,6 @@ class Simulation:
             steps -= done
             if self._half_way:
                 self._rebuild()
-        if self.rebuild_inside:
-            self.neighbors.look_inside()
 
     def write_step(self, last: bool = False) -> None:
         """One more step, whose positions, velocities and forces can then be read; `last`: stay there."""
@@ -170,7 +168,7 @@ class Simulation:
             times = [(step + k) * self.scene.time.step for k in range(self.chunk)]
             shifts = [p.shift(t) for t in times for p in self.scene.planes]
             if self.device.is_cpu:
-                self.state.particles.wall_shift.numpy()[:] = shifts  # a view
+                self.state.host(self.state.particles.wall_shift)[:] = shifts
             else:
                 self.state.particles.wall_shift.assign(shifts)
 
@@ -188,7 +186,7 @@ class Simulation:
         self._stale, done = bool(moved[steps]), steps
         if self._stale:
             done = int(np.argmax(moved[1 : steps + 1])) + 1
-            self._half_way = self.rebuild_inside and self.neighbors.look_inside()
+            self._half_way = self.rebuild_inside and self.neighbors.stopped()
         if (steps - done) % 2:
             self.state.swap()
         return done
