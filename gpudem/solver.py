@@ -9,6 +9,7 @@ A step kernel does the part from the forces on, and the first half of the next s
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -194,14 +195,35 @@ class Simulation:
     def _launch_graph(self, steps: int) -> None:
         key = (id(self.state.now), steps)
         if key not in self._graphs:
-            before = (self.state.now, self.state.next)
-            with wp.ScopedCapture(self.device, force_module_load=False) as capture:
-                self._launch_each(steps)
-            self._graphs[key] = capture.graph
-            self.state.now, self.state.next = before
-        wp.capture_launch(self._graphs[key])
+            try:
+                self._graphs[key] = self._captured(steps)
+                wp.capture_launch(self._graphs[key])
+            except RuntimeError as error:
+                if not self.rebuild_inside:
+                    raise
+                self._without_branches(error)
+                return self._launch_graph(steps)
+        else:
+            wp.capture_launch(self._graphs[key])
         if steps % 2:
             self.state.swap()
+
+    def _captured(self, steps: int) -> Any:
+        """A graph of so many launches; `now` and `next` stay what they are."""
+        before = (self.state.now, self.state.next)
+        try:
+            with wp.ScopedCapture(self.device, force_module_load=False) as capture:
+                self._launch_each(steps)
+        finally:
+            self.state.now, self.state.next = before
+        return capture.graph
+
+    def _without_branches(self, error: RuntimeError) -> None:
+        """From now on the host rebuilds: this driver takes no rebuild within a graph."""
+        reason = str(error) or "no reason given"
+        warnings.warn(f"{self.device}: the list is rebuilt between graphs, not within: {reason}", stacklevel=2)
+        self.rebuild_inside = False
+        self._forget_commands()
 
     def _launch_each(self, steps: int) -> None:
         for launch in range(steps):

@@ -281,7 +281,7 @@ CASE = Case(
     figures=(
         Figure(
             "How stiff: what a modulus changes, which precision it takes, what it costs",
-            "Left: the dam break over five seeds; grey: within two standard deviations of a seed. Middle:"
+            "Left: the dam break over its seeds; grey: within two standard deviations of a seed. Middle:"
             " impact and ball at rest. Right: stepping alone.",
             draw_choice, tiers=stiff_dam_checks.TIERS, needs=CODES, section="advice", recorded=True,
         ),
@@ -299,7 +299,7 @@ CASE = Case(
         ),
         Table(
             "The dam break against the modulus",
-            "Means and standard deviations over five seeds, measured as in the dam break's own case.",
+            "Means and standard deviations over the seeds, measured as in the dam break's own case.",
             stiff_dam_checks.table, tiers=stiff_dam_checks.TIERS, needs=CODES, section="limits",
             recorded=True,
         ),

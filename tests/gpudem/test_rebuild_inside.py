@@ -86,6 +86,28 @@ def test_a_list_that_grows(graphs, monkeypatch):
     same(plain, inside)
 
 
+@pytest.mark.parametrize("fails", ["capture_if", "capture_launch"])
+def test_a_driver_that_takes_no_branch(fails, monkeypatch):
+    """Refused as it is recorded, or when it is first launched: the host rebuilds, says so, and nothing else
+    changes. Catches arrays left swapped by half a recording, steps lost, a fallback that nobody is told of.
+    """
+    refused, takes = [], getattr(wp, fails)
+
+    def refuse(*given, **options):
+        if not refused or fails == "capture_if":
+            refused.append(given)
+            raise RuntimeError("no conditional nodes")
+        return takes(*given, **options)
+
+    scene = falling_bed(800, time={"step": 2e-5, "duration": 0.034})
+    plain, often = end(scene)
+    monkeypatch.setattr(wp, fails, refuse)
+    with pytest.warns(UserWarning, match="not within: no conditional nodes") as told:
+        instead, by_host = end(scene, graphs=True, chunk=32, rebuild_inside=True)
+    same(plain, instead)
+    assert often == by_host and len(told) == len(refused) == 1
+
+
 def test_what_is_wrong_is_said_as_ever():
     """Catches a lost particle that goes unnoticed, or is told at another step."""
     told = []
