@@ -220,8 +220,7 @@ class Simulation:
 
     def _without_branches(self, error: RuntimeError) -> None:
         """From now on the host rebuilds: this driver takes no rebuild within a graph."""
-        reason = str(error) or "no reason given"
-        warnings.warn(f"{self.device}: the list is rebuilt between graphs, not within: {reason}", stacklevel=2)
+        warnings.warn(f"{self.device}: the list is rebuilt between graphs, not within: {error}", stacklevel=2)
         self.rebuild_inside = False
         self._forget_commands()
 
