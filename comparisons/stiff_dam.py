@@ -44,6 +44,12 @@ METRICS = (
     "height at 0 mm [mm]", "height at 400 mm [mm]", "run-out in flow [mm]", "centre of mass x at rest [mm]",
     "centre of mass z at rest [mm]", "time to the far wall [ms]",
 )  # fmt: skip
+#: What they say of, together: softening changes one before the other.
+PARTS = {
+    "the pile at rest": (METRICS[0], METRICS[1], METRICS[3], METRICS[4]),
+    "the run-out in flow": (METRICS[2],),
+    "the time at which the first ball is at the far wall": (METRICS[5],),
+}
 #: Below, balls overlap by more than half a radius somewhere in the fall; the guard that ends such a run is
 #: waived, to see what comes out.
 GUARDED = 1e6
@@ -109,10 +115,25 @@ def gap(results: Results, young: float, who: str = "gpudem float64") -> dict[str
     return {n: (m, float(q)) for n, m, q in zip(names, means, p, strict=True)}
 
 
-def left_open(results: Results, young: float, name: str) -> float:
-    """Largest difference from the hardest that the seeds leave possible: end of the 95 % interval (Welch)."""
-    hard = sample(results, PLANS[results.tier].hardest)[name]
-    return statistics.welch(sample(results, young)[name], hard).bound
+def stiff_enough(results: Results, part: str, alpha: float) -> tuple[float, float]:
+    """(softest modulus [Pa] from which on up no seed test tells a part from the hardest's, the next softer).
+
+    The second is nan where even the softest is stiff enough.
+    """
+    moduli = PLANS[results.tier].moduli
+    soft = [y for y in moduli if any(gap(results, y)[n][1] < alpha for n in PARTS[part])]
+    harder = [y for y in moduli if y > max(soft, default=0.0)]
+    return min(harder), max(soft, default=float("nan"))
+
+
+def left_open(results: Results, young: float, part: str) -> dict[str, float]:
+    """Metric of a part -> end of the 95 % interval (Welch) of its difference from the hardest's: what the seeds
+    leave possible.
+    """
+    hard = PLANS[results.tier].hardest
+    return {
+        n: statistics.welch(sample(results, young)[n], sample(results, hard)[n]).bound for n in PARTS[part]
+    }
 
 
 def seconds(results: Results, young: float, who: str = "gpudem float64") -> np.ndarray:
