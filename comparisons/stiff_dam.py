@@ -48,7 +48,7 @@ METRICS = (
 PARTS = {
     "the pile at rest": (METRICS[0], METRICS[1], METRICS[3], METRICS[4]),
     "the run-out in flow": (METRICS[2],),
-    "the time at which the first ball is at the far wall": (METRICS[5],),
+    "the first ball at the far wall": (METRICS[5],),
 }
 #: Below, balls overlap by more than half a radius somewhere in the fall; the guard that ends such a run is
 #: waived, to see what comes out.
@@ -127,9 +127,7 @@ def stiff_enough(results: Results, part: str, alpha: float) -> tuple[float, floa
 
 
 def left_open(results: Results, young: float, part: str) -> dict[str, float]:
-    """Metric of a part -> end of the 95 % interval (Welch) of its difference from the hardest's: what the seeds
-    leave possible.
-    """
+    """Metric of a part -> largest difference from the hardest in its 95 % interval (Welch): still possible."""
     hard = PLANS[results.tier].hardest
     return {
         n: statistics.welch(sample(results, young)[n], sample(results, hard)[n]).bound for n in PARTS[part]

@@ -173,41 +173,34 @@ def table(results: Results) -> pandas.DataFrame:
     return pandas.DataFrame(rows).fillna("")
 
 
-def advice(results: Results) -> str:
-    """What softening changes, part by part, with the numbers of this run."""
-    plan = PLANS[results.tier]
-    said = "; ".join(_enough(results, part) for part in stiff_dam.PARTS)
-    return (
-        f"How soft a dam break may be, {plan.seeds} seeds of each modulus against those of"
-        f" {number(plan.hardest, 3)} Pa: {said}. The number of contacts changes with every modulus."
-    )
+def advice(results: Results) -> list[tuple[str, str]]:
+    """(part of a dam break, how soft it may be, with the numbers of this run)."""
+    return [(f"modulus, for {part}", _enough(results, part)) for part in stiff_dam.PARTS]
 
 
 def _enough(results: Results, part: str) -> str:
-    """A part: down to which modulus it is the same, how far that is known, what the next softer does to it."""
-    hardest = PLANS[results.tier].hardest
+    """Down to which modulus a part is the same, how far that is known, what the next softer does to it."""
+    plan = PLANS[results.tier]
     good, soft = stiff_dam.stiff_enough(results, part, ALPHA)
-    if good == hardest:
-        text = f"{part} differs at every softer one"
+    if good == plan.hardest:
+        text = "Only the hardest: every softer one differs."
     else:
-        left = stiff_dam.left_open(results, good, part)
         depth = float(stiff_dam.sample(results, good)[DEPTH].mean())
-        cost = float(np.median(stiff_dam.seconds(results, hardest) / stiff_dam.seconds(results, good)))
+        cost = float(np.median(stiff_dam.seconds(results, plan.hardest) / stiff_dam.seconds(results, good)))
         text = (
-            f"{part} is not told from theirs down to {number(good, 3)} Pa (overlaps up to {100 * depth:.1g} %"
-            f" of the radius, 1/{cost:.2g} of the time; the seeds leave a difference possible of"
-            f" {_quantities(left, '.2g')})"
+            f"{number(good, 3)} Pa and more: {plan.seeds} seeds of a dam break do not tell it from that of"
+            f" {number(plan.hardest, 3)} Pa. Overlaps there are up to {100 * depth:.1g} % of the radius, and it"
+            f" takes 1/{cost:.2g} of the time. Differences that the seeds leave possible:"
+            f" {_quantities(stiff_dam.left_open(results, good, part), '.3g')}."
         )
     if not math.isnan(soft):
         found = stiff_dam.gap(results, soft)
         shifts = {n: found[n][0] for n in stiff_dam.PARTS[part] if found[n][1] < ALPHA}
-        text += f"; at {number(soft, 3)} Pa it changes by {_quantities(shifts, '+.2g')}"
+        text += f" At {number(soft, 3)} Pa: {_quantities(shifts, '+.3g')}."
     return text
 
 
 def _quantities(values: dict[str, float], form: str) -> str:
-    """Named values with the units that stand in their names: "{'height [mm]': 2.0}" is "2 mm (height)"."""
+    """Values with the units that stand in their names: {"height [mm]": 2.0} gives "height 2 mm"."""
     names = {n: n.rstrip("]").split(" [") for n in values}
-    return ", ".join(
-        f"{v:{form}} {names[n][1]}" + f" ({names[n][0]})" * (len(values) > 1) for n, v in values.items()
-    )
+    return ", ".join(f"{names[n][0]} {v:{form}} {names[n][1]}" for n, v in values.items())

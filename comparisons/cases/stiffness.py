@@ -216,17 +216,17 @@ def advice(results: Results) -> pandas.DataFrame:
     modulus = (
         f"From {number(moduli[0], 3)} to {number(moduli[-1], 3)} Pa the same number of steps a contact gives"
         " the same error, and the steps of a second go with the root of the modulus: soften for time, not"
-        " for accuracy. "
+        " for accuracy."
     )
-    if results.tier in stiff_dam.PLANS:
-        modulus += stiff_dam_checks.advice(results)
+    parts = stiff_dam_checks.advice(results) if results.tier in stiff_dam.PLANS else []
     precision = (
         f"Use mixed or float64 at any modulus (mixed is right to {number(good, 2)} on all of these, and takes"
         f" {1 / faster:.2f} times the time of float64 in this dam break); float32 is off by more than"
         f" {100 * FLOAT32_FAILS:g} %, without a message, from {number(min(wrong), 3)} Pa on at {PLACE:g} m"
         " from the origin."
     )
-    return pandas.DataFrame([("modulus", modulus), ("precision", precision)], columns=["choose", "by"])
+    rows = [("modulus, for a contact", modulus), *parts, ("precision", precision)]
+    return pandas.DataFrame(rows, columns=["choose", "by"])
 
 
 CASE = Case(
