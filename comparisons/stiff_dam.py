@@ -105,14 +105,16 @@ def sample(results: Results, young: float, who: str = "gpudem float64") -> dict[
 
 def gap(results: Results, young: float, who: str = "gpudem float64") -> dict[str, tuple[float, float]]:
     """Metric -> (mean less that of the hardest in float64, corrected p of no difference)."""
-    plan = PLANS[results.tier]
-    ours, hard = sample(results, young, who), sample(results, plan.hardest)
-    names = (*METRICS, CONTACTS)
-    p = statistics.largest_gap(
-        np.array([ours[n] for n in names]).T, np.array([hard[n] for n in names]).T
-    )  # fmt: skip
-    means = [float(ours[n].mean() - hard[n].mean()) for n in names]
-    return {n: (m, float(q)) for n, m, q in zip(names, means, p, strict=True)}
+
+    def compute() -> dict[str, tuple[float, float]]:
+        ours, hard = sample(results, young, who), sample(results, PLANS[results.tier].hardest)
+        names = (*METRICS, CONTACTS)
+        samples = [np.array([values[n] for n in names]).T for values in (ours, hard)]
+        p = statistics.largest_gap(*samples)
+        means = [float(ours[n].mean() - hard[n].mean()) for n in names]
+        return {n: (m, float(q)) for n, m, q in zip(names, means, p, strict=True)}
+
+    return results.once(("dam gap", young, who), compute)
 
 
 def stiff_enough(results: Results, part: str, alpha: float) -> tuple[float, float]:
@@ -127,7 +129,7 @@ def stiff_enough(results: Results, part: str, alpha: float) -> tuple[float, floa
 
 
 def left_open(results: Results, young: float, part: str) -> dict[str, float]:
-    """Metric of a part -> largest difference from the hardest in its 95 % interval (Welch): still possible."""
+    """Metric of a part -> largest difference from the hardest in its 95 % interval (Welch)."""
     hard = PLANS[results.tier].hardest
     return {
         n: statistics.welch(sample(results, young)[n], sample(results, hard)[n]).bound for n in PARTS[part]

@@ -189,8 +189,8 @@ def _enough(results: Results, part: str) -> str:
         cost = float(np.median(stiff_dam.seconds(results, plan.hardest) / stiff_dam.seconds(results, good)))
         text = (
             f"{number(good, 3)} Pa and more: {plan.seeds} seeds of a dam break do not tell it from that of"
-            f" {number(plan.hardest, 3)} Pa. Overlaps there are up to {100 * depth:.1g} % of the radius, and it"
-            f" takes 1/{cost:.2g} of the time. Differences that the seeds leave possible:"
+            f" {number(plan.hardest, 3)} Pa. Overlaps there are up to {100 * depth:.1g} % of the radius, and"
+            f" it takes 1/{cost:.2g} of the time. Differences that the seeds leave possible:"
             f" {_quantities(stiff_dam.left_open(results, good, part), '.3g')}."
         )
     if not math.isnan(soft):
