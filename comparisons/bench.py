@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import json
-import os
 import statistics
 import subprocess
 import sys
@@ -280,13 +279,14 @@ def command(
     """Measure speed and memory of both codes on settled and flowing beds, in turn, in one run."""
     import pandas
 
+    from comparisons.provenance import hardware
     from comparisons.roofline import bandwidth
 
     if liggghts:
         from reference.liggghts.binary import find_liggghts
 
         find_liggghts()
-    usable = len(os.sched_getaffinity(0))
+    usable = hardware()["cores"]
     if max(cores) > usable:
         raise GpudemError(f"--cores {max(cores)}: this process may use {usable}")
     plan = Plan(

@@ -7,7 +7,6 @@ its own slice of the particles, uses them all. A sliced kernel writes only what 
 from __future__ import annotations
 
 import itertools
-import os
 import queue
 import threading
 from collections.abc import Callable
@@ -15,13 +14,15 @@ from typing import Any
 
 import warp as wp
 
+from gpudem.device import cores
+
 
 class Crew:
     """Runs recorded launches on up to `threads` cores; the caller's thread takes the first slice."""
 
     def __init__(self, n: int, block: int, device: Any, threads: int | None = None):
         self.device, self.n = device, n
-        self._most = 1 if device.is_cuda else threads or len(os.sched_getaffinity(0))
+        self._most = 1 if device.is_cuda else threads or cores()
         self._jobs: list[queue.SimpleQueue] = []
         self._done: queue.SimpleQueue = queue.SimpleQueue()
         self.cut(block)

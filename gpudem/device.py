@@ -1,5 +1,6 @@
 """Warp, configured once before its first use, and the devices it finds."""
 
+import os
 from typing import Any
 
 import warp as wp
@@ -18,3 +19,8 @@ def find_device(name: str) -> Any:
     except (ValueError, RuntimeError) as error:
         known = ", ".join(str(d) for d in wp.get_devices())
         raise SimulationError(f"device = {name!r}: not here; found: {known}") from error
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

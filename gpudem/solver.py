@@ -18,7 +18,7 @@ import warp as wp
 
 from gpudem import guards
 from gpudem.crew import Crew
-from gpudem.device import find_device
+from gpudem.device import cores, find_device
 from gpudem.errors import SimulationError
 from gpudem.frames import Frame
 from gpudem.kernels import SETUP, WRITE, step_kernel
@@ -112,8 +112,9 @@ class Simulation:
 
     def _compile(self) -> float:
         begin = time.perf_counter()
-        for kernel in (self.kernel, *self.neighbors.kernels.values()):
-            kernel.module.load(self.device, 1 if self.device.is_cpu else 256)
+        modules = dict.fromkeys(k.module for k in (self.kernel, *self.neighbors.kernels.values()))
+        threads = 1 if self.device.is_cpu else 256
+        wp.force_load(self.device, list(modules), block_dim=threads, max_workers=cores())
         return time.perf_counter() - begin
 
     def _forget_commands(self) -> None:
