@@ -22,6 +22,10 @@ from gpudem.errors import SceneError
 #: Names travel into file names and LIGGGHTS decks (which can run shell commands): letters, digits, _ only.
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 
+#: Largest magnitude of a number, and smallest of one that must be above zero, in SI units: products of a few
+#: of them, and steps in a run, are still numbers.
+LARGEST, SMALLEST = 1e18, 1e-18
+
 Vector = tuple[float, float, float]
 
 
@@ -93,6 +97,10 @@ class number(_Plain):
             or (self.open_lo and result == self.lo)
         ):
             raise ValueError(f"out of range; allowed: {self.span} [{self.unit}]")
+        if abs(result) > LARGEST:
+            raise ValueError(f"too large to reckon with; allowed: <= {LARGEST:g} [{self.unit}]")
+        if self.open_lo and result < SMALLEST:
+            raise ValueError(f"too small to reckon with; allowed: >= {SMALLEST:g} [{self.unit}]")
         return result
 
     @property
@@ -122,8 +130,11 @@ class vector(_Plain):
         x, y, z = map(float, values)
         if not all(map(math.isfinite, (x, y, z))):
             raise ValueError(f"must be three finite numbers [{self.unit}]")
-        if self.nonzero and x == y == z == 0:
-            raise ValueError("has no direction; allowed: any length but zero")
+        size = max(abs(x), abs(y), abs(z))
+        if size > LARGEST:
+            raise ValueError(f"too large to reckon with; allowed: <= {LARGEST:g} [{self.unit}]")
+        if self.nonzero and size < SMALLEST:
+            raise ValueError(f"has no direction; allowed: any length >= {SMALLEST:g}")
         return x, y, z
 
 
@@ -150,6 +161,11 @@ class array(_Plain):
         if not np.isfinite(result).all():
             row = int(np.argwhere(~np.isfinite(result))[0][0])
             raise ValueError(f"row {row + 1} is not a finite number [{self.unit}]")
+        if result.size and np.abs(result).max() > LARGEST:
+            row = int(np.argwhere(np.abs(result) > LARGEST)[0][0])
+            raise ValueError(
+                f"row {row + 1} is too large to reckon with; allowed: <= {LARGEST:g} [{self.unit}]"
+            )
         result.setflags(write=False)
         return result
 
@@ -169,12 +185,14 @@ class each(_Plain):
         if not isinstance(value, list | tuple | np.ndarray):
             return self.of.check(value)
         result = array(0, self.unit).check(value)
-        bad = (result < self.of.lo) | (result > self.of.hi) | (self.of.open_lo & (result == self.of.lo))
+        least = max(self.of.lo, SMALLEST) if self.of.open_lo else self.of.lo
+        bad = (result < least) | (result > self.of.hi)
         if bad.any():
             row = int(np.argmax(bad))
-            raise ValueError(
-                f"row {row + 1} = {result[row]:g} out of range; allowed: {self.of.span} [{self.unit}]"
-            )
+            try:
+                self.of.check(result[row])
+            except ValueError as error:
+                raise ValueError(f"row {row + 1} = {result[row]:g} {error}") from None
         return result
 
 

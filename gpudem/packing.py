@@ -98,8 +98,8 @@ def lattice(p: Lattice, index: dict[str, int]) -> InitialState:
             f"count = {p.count} does not fit: lo..hi holds {math.prod(cells)} places"
             f" ({cells[0]} x {cells[1]} x {cells[2]}) at a pitch of {pitch:g} m"
         )
-    k = np.arange(p.count)
-    grid = np.stack([k % cells[0], k // cells[0] % cells[1], k // (cells[0] * cells[1])], axis=1)
+    k, (nx, ny) = np.arange(p.count), [min(c, p.count) for c in cells[:2]]
+    grid = np.stack([k % nx, k // nx % ny, k // (nx * ny)], axis=1)
     spare = np.array([(hi - lo)[0] - cells[0] * pitch, (hi - lo)[1] - cells[1] * pitch, 0.0])
     gap = (p.spacing - 1) * largest  # half of the free gap: two neighbours may use it both
     shift = rng.uniform(-1, 1, (p.count, 3)) * gap * p.jitter

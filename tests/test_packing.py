@@ -116,3 +116,9 @@ def test_columns_that_do_not_fit(column: str, value: list, message: str) -> None
     columns = {"position": [[0, 0, 0], [1, 1, 1]], "radius": 0.5, "material": 0} | {column: value}
     with pytest.raises(ValueError, match=message):
         InitialState.build(**columns)
+
+
+def test_a_box_without_end() -> None:
+    """Places of the lattice beyond what an integer counts. Catches an overflow for a long domain."""
+    state = lattice(recipe(count=7, lo=(0.0, 0.0, 0.0), hi=(1e17, 1e17, 1.0)), INDEX)
+    assert np.ptp(state.position[:, 1:], axis=0) == pytest.approx(0, abs=32)  # one row; 16 m between numbers
