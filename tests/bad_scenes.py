@@ -190,6 +190,9 @@ WHOLE = [
     Bad("overlap through a periodic side",
         {"[[0.0, 0.0, 0.01], [0.02, 0.0, 0.01]]": "[[-0.099, 0.0, 0.01], [0.099, 0.0, 0.01]]",
          "periodic = [false": "periodic = [true"}, ("1 and 2 by 0.004 m",)),
+    Bad("overlap of a lattice through a periodic side",  # which its own box is not
+        {EXPLICIT: LATTICE.replace("-0.1, -0.1", "-0.103, -0.1").replace("0.1, 0.1, 0.2", "0.103, 0.1, 0.2"),
+         "periodic = [false": "periodic = [true"}, ("3 pairs overlap at the start", "33 and 64 by 0.00141 m")),
     bad("outside the domain", "[0.02, 0.0, 0.01]]", "[0.2, 0.0, 0.01]]", "1 outside the domain",
         "particle 2 at (0.2, 0.0, 0.01) m"),
     bad("in the wall", "[0.02, 0.0, 0.01]]", "[0.02, 0.0, 0.001]]", "1 outside wall floor",

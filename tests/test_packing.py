@@ -40,7 +40,10 @@ def test_full_jitter_uses_the_gap_and_no_more() -> None:
 @given(seed=st.integers(0, 2**32), spacing=st.floats(1, 2), jitter=st.floats(0, 1), count=st.integers(1, 120))
 @settings(max_examples=40, deadline=None)
 def test_inside_and_apart(seed: int, spacing: float, jitter: float, count: int) -> None:
-    """Every sphere lies wholly within lo..hi and apart from every other, for any seed."""
+    """Every sphere lies wholly within lo..hi and apart from every other, for any seed.
+
+    Scenes are not searched for overlaps of a lattice within their domain, trusting this.
+    """
     p = recipe(seed=seed, spacing=spacing, jitter=jitter, count=count)
     state = lattice(p, INDEX)
     assert (state.position >= np.array(p.lo) + 0.003 * (1 - 1e-9)).all()
