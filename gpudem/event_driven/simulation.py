@@ -8,7 +8,6 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
-import psutil
 
 from gpudem.event_driven.engine import Engine
 from gpudem.event_driven.statement import Statement
@@ -16,6 +15,7 @@ from gpudem.frames import Frame
 from gpudem.observe import Recorder
 from gpudem.run import Run, Timing
 from gpudem.scene import Scene
+from gpudem.simulation import peak_memory
 
 #: Columns of the history beside HISTORY_COLUMNS: collisions, energies [J] and the sum of impulse times
 #: diameter over the collisions of pairs [J s], since the start.
@@ -121,7 +121,7 @@ def run(
                 stepping_s=seconds["stepping"],
                 setup_s=setup_s,
                 output_s=seconds["output"],
-                peak_memory_bytes=psutil.Process().memory_info().rss,
+                peak_memory_bytes=peak_memory(),
             ),
             notes=notes,
             trace=recorder.trace,
