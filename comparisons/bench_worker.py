@@ -41,7 +41,7 @@ def measure(
     bed: str, particles: int, steps: int, threads: int, device: str, precision: str, started: float
 ) -> Measured:
     """Runs the bed without output."""
-    from gpudem.simulation import peak_memory
+    from gpudem.process import peak_memory
 
     scene = bench_scene(bed, particles, steps, solver={"skin": SKIN, "precision": precision})
     simulation = Simulation(scene, device, threads)

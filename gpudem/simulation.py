@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import resource
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +10,7 @@ import warp
 
 from gpudem import guards, scene_checks
 from gpudem.observe import Recorder
+from gpudem.process import peak_memory, version
 from gpudem.restart import Restart
 from gpudem.run import Run, Timing
 from gpudem.scene import Scene
@@ -112,7 +111,7 @@ def _run(
         notes["arrays"] = simulation.memory_bytes()
         result = Run(
             code="gpudem",
-            version=_version(),
+            version=version(),
             scene=scene,
             directory=path or Path(),
             timing=Timing(
@@ -218,24 +217,3 @@ class _Clock:
         if self._progress and self._simulation and now - self._reported > 0.2:
             self._reported = now
             self._progress(self._simulation.step_count)
-
-
-def peak_memory() -> int:
-    """Largest resident size of this process so far [bytes].
-
-    On Linux from the kernel's own mark: getrusage starts a new program with the size of its parent.
-    """
-    status = Path("/proc/self/status")
-    if status.is_file():
-        lines = status.read_text().splitlines()
-        return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM:")) * 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-
-
-def _version() -> str:
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return version("gpudem")
-    except PackageNotFoundError:
-        return "unknown (not installed)"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +12,9 @@ from gpudem.event_driven.engine import Engine
 from gpudem.event_driven.statement import Statement
 from gpudem.frames import Frame
 from gpudem.observe import Recorder
+from gpudem.process import peak_memory, version
 from gpudem.run import Run, Timing
 from gpudem.scene import Scene
-from gpudem.simulation import peak_memory
 
 #: Columns of the history beside HISTORY_COLUMNS: collisions, energies [J] and the sum of impulse times
 #: diameter over the collisions of pairs [J s], since the start.
@@ -112,7 +111,7 @@ def run(
             history[list(EVENT_COLUMNS)] = np.array(more[: len(history)])
         result = Run(
             code="event_driven",
-            version=_version(),
+            version=version(),
             scene=scene,
             directory=path or Path(),
             timing=Timing(
@@ -146,10 +145,3 @@ def _frame(engine: Engine, scene: Scene) -> Frame:
         "torque": none,
         "radius": engine.statement.radius,
     }
-
-
-def _version() -> str:
-    try:
-        return version("gpudem")
-    except PackageNotFoundError:
-        return "unknown (not installed)"
