@@ -20,6 +20,7 @@ import psutil
 
 from comparisons.beds import STEP, bench_scene
 from comparisons.bench_worker import Measured
+from gpudem.device import cores as usable_cores
 from gpudem.device import find_device
 from gpudem.errors import GpudemError
 
@@ -279,14 +280,13 @@ def command(
     """Measure speed and memory of both codes on settled and flowing beds, in turn, in one run."""
     import pandas
 
-    from comparisons.provenance import hardware
     from comparisons.roofline import bandwidth
 
     if liggghts:
         from reference.liggghts.binary import find_liggghts
 
         find_liggghts()
-    usable = hardware()["cores"]
+    usable = usable_cores()
     if max(cores) > usable:
         raise GpudemError(f"--cores {max(cores)}: this process may use {usable}")
     plan = Plan(

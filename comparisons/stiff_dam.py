@@ -53,6 +53,8 @@ PARTS = {
 #: Below, balls overlap by more than half a radius somewhere in the fall; the guard that ends such a run is
 #: waived, to see what comes out.
 GUARDED = 1e6
+#: Level of the tests, as in the dam break's own case.
+ALPHA = 0.01
 CONTACTS, DEPTH = "contacts of a ball at rest", "largest overlap before / radius"
 
 
@@ -117,13 +119,18 @@ def gap(results: Results, young: float, who: str = "gpudem float64") -> dict[str
     return results.once(("dam gap", young, who), compute)
 
 
-def stiff_enough(results: Results, part: str, alpha: float) -> tuple[float, float]:
+def told(results: Results, young: float, who: str = "gpudem float64") -> dict[str, float]:
+    """Metric that the seeds tell from the hardest's, at the level ALPHA -> mean less that of the hardest."""
+    return {n: shift for n, (shift, p) in gap(results, young, who).items() if p < ALPHA}
+
+
+def stiff_enough(results: Results, part: str) -> tuple[float, float]:
     """(softest modulus [Pa] from which on up no seed test tells a part from the hardest's, the next softer).
 
     The second is nan where even the softest is stiff enough.
     """
     moduli = PLANS[results.tier].moduli
-    soft = [y for y in moduli if any(gap(results, y)[n][1] < alpha for n in PARTS[part])]
+    soft = [y for y in moduli if not told(results, y).keys().isdisjoint(PARTS[part])]
     harder = [y for y in moduli if y > max(soft, default=0.0)]
     return min(harder), max(soft, default=float("nan"))
 

@@ -10,15 +10,13 @@ import numpy as np
 from comparisons import plots, stiff_dam
 from comparisons.case import Check, Mark, Measured, Results, Tier
 from comparisons.numbers import number
-from comparisons.stiff_dam import CONTACTS, DEPTH, METRICS, PLANS
+from comparisons.stiff_dam import ALPHA, CONTACTS, DEPTH, METRICS, PLANS
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
 
 TIERS: tuple[Tier, ...] = tuple(PLANS)
-#: Level of the tests, as in the dam break's own case.
-ALPHA = 0.01
 #: Slope of overlap against modulus on log axes: (load/E)^(2/3).
 HERTZ = -2 / 3
 #: Time [s] over which the codes must agree: hundreds of contacts made and gone; after it rounding grows
@@ -73,8 +71,7 @@ def speed(results: Results) -> Measured:
 
 def different(results: Results, young: float) -> str:
     """Metrics in which a modulus differs from the hardest beyond the seeds' spread, "" for none."""
-    found = stiff_dam.gap(results, young)
-    return ", ".join(n for n, (_, p) in found.items() if p < ALPHA and n != CONTACTS)
+    return ", ".join(n for n in stiff_dam.told(results, young) if n != CONTACTS)
 
 
 def too_soft(results: Results) -> Measured:
@@ -143,9 +140,9 @@ def draw_shift(ax: Axes, results: Results) -> None:
     moduli = [y for y in plan.moduli if y != plan.hardest]
     for k, name in enumerate((*METRICS, CONTACTS)):
         spread = float(stiff_dam.sample(results, plan.hardest)[name].std(ddof=1))
-        found = [stiff_dam.gap(results, y)[name] for y in moduli]
-        shift = np.array([gap for gap, _ in found]) / spread
-        colour, mark, told = plots.SERIES[k % 7], "osv^D<>"[k], np.array([p < ALPHA for _, p in found])
+        shift = np.array([stiff_dam.gap(results, y)[name][0] for y in moduli]) / spread
+        told = np.array([name in stiff_dam.told(results, y) for y in moduli])
+        colour, mark = plots.SERIES[k % 7], "osv^D<>"[k]
         label = name.partition(" [")[0]
         ax.plot(moduli, shift, marker=mark, ms=5, lw=0.9, color=colour, mfc="none", label=label)
         ax.plot(np.array(moduli)[told], shift[told], ls="", marker=mark, ms=5, color=colour)
@@ -175,8 +172,7 @@ def table(results: Results) -> pandas.DataFrame:
         for name in (*METRICS, CONTACTS):
             row[name] = f"{found[name].mean():.4g} ± {found[name].std(ddof=1):.2g}"
         if (young, one) != (plan.hardest, "gpudem float64"):
-            gaps = stiff_dam.gap(results, young, one)
-            row["differs (p < 0.01)"] = ", ".join(n for n, (_, p) in gaps.items() if p < ALPHA) or "nowhere"
+            row["differs (p < 0.01)"] = ", ".join(stiff_dam.told(results, young, one)) or "nowhere"
         rows.append(row)
     return pandas.DataFrame(rows).fillna("")
 
@@ -189,7 +185,7 @@ def advice(results: Results) -> list[tuple[str, str]]:
 def _enough(results: Results, part: str) -> str:
     """Down to which modulus a part is the same, how far that is known, what the next softer does to it."""
     plan = PLANS[results.tier]
-    good, soft = stiff_dam.stiff_enough(results, part, ALPHA)
+    good, soft = stiff_dam.stiff_enough(results, part)
     if good == plan.hardest:
         text = "Only the hardest: every softer one differs."
     else:
@@ -202,8 +198,7 @@ def _enough(results: Results, part: str) -> str:
             f" {_quantities(stiff_dam.left_open(results, good, part), '.3g')}."
         )
     if not math.isnan(soft):
-        found = stiff_dam.gap(results, soft)
-        shifts = {n: found[n][0] for n in stiff_dam.PARTS[part] if found[n][1] < ALPHA}
+        shifts = {n: m for n, m in stiff_dam.told(results, soft).items() if n in stiff_dam.PARTS[part]}
         text += f" At {number(soft, 3)} Pa: {_quantities(shifts, '+.3g')}."
     return text
 

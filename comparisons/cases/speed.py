@@ -124,20 +124,20 @@ def _recorded_caption() -> str:
     data = recorded()
     if data is None:
         return "Not recorded yet."
-    p, devices = data["provenance"], {row["device"] for row in data["rows"] if row["code"] == "gpudem"}
-    missing = (
-        " No GPU was at hand: the tests compile the CUDA kernels and read their registers, spills and loads;"
-        " their speed is not known yet."
-    )
-    return (
+    p, only_cpu = data["provenance"], all(row["device"] == "cpu" for row in data["rows"])
+    caption = (
         f"Recorded, not run now: {p['date']}, commit {p['commit']}, {p['hardware']['cpu']},"
         f" {p['hardware']['cores']} cores. Particle-steps per second of stepping; the ratio is to LIGGGHTS on"
         " as many ranks, in float64 whatever our precision. Bytes a step: what a step must read or write at"
         " least, a particle; by the rate and the memory bandwidth measured beforehand that is the share of"
         " the roofline. Start: of the process to its first step, with kernels compiled by an earlier run."
-        + missing
-        * (devices == {"cpu"})
     )
+    if only_cpu:
+        caption += (
+            " No GPU was at hand: the tests compile the CUDA kernels and read their registers, spills and"
+            " loads; their speed is not known yet."
+        )
+    return caption
 
 
 def draw_recorded(results: Results):
