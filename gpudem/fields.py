@@ -158,14 +158,13 @@ class array(_Plain):
             result = result.reshape(0, self.columns)
         if result.ndim != (2 if self.columns else 1) or (self.columns and result.shape[1] != self.columns):
             raise ValueError(f"has shape {result.shape}; must be {shape} [{self.unit}]")
-        if not np.isfinite(result).all():
-            row = int(np.argwhere(~np.isfinite(result))[0][0])
-            raise ValueError(f"row {row + 1} is not a finite number [{self.unit}]")
-        if result.size and np.abs(result).max() > LARGEST:
-            row = int(np.argwhere(np.abs(result) > LARGEST)[0][0])
-            raise ValueError(
-                f"row {row + 1} is too large to reckon with; allowed: <= {LARGEST:g} [{self.unit}]"
-            )
+        within = np.abs(result) <= LARGEST  # false for NaN
+        if not within.all():
+            row = int(np.argwhere(~within)[0][0])
+            if not np.isfinite(result[row]).all():
+                raise ValueError(f"row {row + 1} is not a finite number [{self.unit}]")
+            limit = f"<= {LARGEST:g} [{self.unit}]"
+            raise ValueError(f"row {row + 1} is too large to reckon with; allowed: {limit}")
         result.setflags(write=False)
         return result
 
