@@ -1,8 +1,11 @@
-"""Small beds for tests of the solver: enough particles for cells, rebuilds and slices to matter."""
+"""Small beds for tests of the solver, with enough particles for cells, rebuilds and slices to matter."""
 
 from typing import Any
 
+import numpy as np
+
 from gpudem.scene import Scene
+from gpudem.solver import Simulation
 
 MATERIALS = {
     "ball": {"young": 5e6, "poisson": 0.34, "density": 1768.0},
@@ -51,3 +54,19 @@ def gas(**changes: Any) -> Scene:
         "time": {"step": 2e-6, "duration": 0.02},
     }  # fmt: skip
     return Scene(**{**data, **changes})
+
+
+def finish(simulation: Simulation) -> dict[str, np.ndarray]:
+    """The last frame of a simulation, run through all its segments."""
+    for first, last, planes in simulation.scene.segments:
+        simulation.start(planes, write=first == 0)
+        simulation.advance(last - first - 1)
+        simulation.write_step(last=True)
+    simulation.close()
+    return simulation.frame()
+
+
+def same(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> None:
+    """Asserts the same bits in every column."""
+    for column in one:
+        assert np.array_equal(one[column], other[column]), column

@@ -1,4 +1,4 @@
-"""What the CPU makes of the scenes of test_cuda.py, live or as kept for a machine that only has a GPU.
+"""The scenes of test_cuda.py, and what the CPU makes of them: live, or as kept where there is only a GPU.
 
 Warp without its CPU compiler still has CUDA devices. After a wanted change of the results:
 python -m tests.gpudem.on_cpu; look at what moved, and by how much.
@@ -7,19 +7,113 @@ python -m tests.gpudem.on_cpu; look at what moved, and by how much.
 from __future__ import annotations
 
 import functools
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from gpudem.device import wp
+from gpudem.errors import SimulationError
+from gpudem.run import Run
+from gpudem.scene import Scene
+from gpudem.simulation import run
+from gpudem.solver import Simulation
+from tests.gpudem.beds import MATERIALS, PAIRS, falling_bed, finish, gas
+from tests.gpudem.test_failures import escaping
+from tests.gpudem.test_neighbor_list import layers
+from tests.gpudem.test_vibration import shaken_bed
 
 Table = dict[str, np.ndarray]
 KEPT = Path(__file__).parent / "golden" / "cpu.npz"
 #: Of a frame, one particle in so many is kept.
 EVERY = 25
+ROLLS = [{**p, "rolling_friction": 0.2} for p in PAIRS]
+OUTER, GATE = (wall.model_dump() for wall in falling_bed().walls)
+SHORT = {"step": 2e-5, "duration": 0.015}
+
+
+def bed(**changes) -> Scene:
+    return falling_bed(1500, **{"time": SHORT, "walls": falling_bed().walls[:1], **changes})
+
+
+def two_materials() -> Scene:
+    """Of two radii as well, by turns."""
+    state = bed().state
+    several = {
+        "source": "explicit", "position": state.position, "velocity": state.velocity,
+        "radius": np.where(np.arange(1500) % 3 == 0, 0.002, 0.003),
+        "material": tuple("ball" if i % 2 else "heavy" for i in range(1500)),
+    }  # fmt: skip
+    heavy = {"young": 2e7, "poisson": 0.25, "density": 7800.0}
+    more = [
+        {"materials": ("heavy", k), "restitution": 0.5, "friction": 0.2} for k in ("heavy", "ball", "wall")
+    ]
+    return bed(materials={**MATERIALS, "heavy": heavy}, pairs=[*PAIRS, *more], particles=several,
+               time={"step": 1e-5, "duration": 0.015})  # fmt: skip
+
+
+SCENES = {
+    "gas": lambda: gas(time={"step": 2e-6, "duration": 0.004}),
+    "friction": bed,
+    "friction without history": lambda: bed(contact={"tangential": "no_history"}),
+    "gate": lambda: bed(walls=[OUTER, {**GATE, "removed_at": 0.01}]),
+    "path": lambda: bed(solver={"integrator": "path"}),
+    "hooke": lambda: bed(contact={"normal": "hooke", "characteristic_velocity": 0.5}),
+    "cdt": lambda: bed(contact={"rolling": "cdt"}, pairs=ROLLS),
+    "epsd2": lambda: bed(contact={"rolling": "epsd2"}, pairs=ROLLS),
+    "two materials": two_materials,
+    "saw-tooth": lambda: shaken_bed(800, 0.0007, time={"step": 4e-5, "duration": 0.02}),
+    "fast floor": lambda: shaken_bed(800, 0.0, time={"step": 4e-5, "duration": 0.02}),
+}
+
+
+def less_precise(precision: str) -> Scene:
+    """A bed that has begun to fall onto itself."""
+    return bed(solver={"precision": precision}, time={"step": 2e-5, "duration": 0.01})
+
+
+def written() -> Scene:
+    """With all output there is."""
+    return shaken_bed(
+        800, 0.0007, time={"step": 4e-5, "duration": 0.02},
+        output={"frames_every": 0.004, "trace_every": 0.004, "history_every": 0.001},
+    )  # fmt: skip
+
+
+def columns(done: Run) -> Table:
+    """History, trace and last frame of a run, of some of its particles."""
+    found = {f"history {k}": done.history[k].to_numpy(float) for k in done.history}
+    found |= {f"trace {k}": np.asarray(v, float) for k, v in done.trace.items()}
+    found = {k: v[:, ::40] if v.ndim > 1 else v for k, v in found.items()}
+    return (
+        found
+        | {f"frame {k}": v[::40] for k, v in done.frames[-1].items()}
+        | {"frames": np.array([len(done.frames)])}
+    )
+
+
+def lost() -> Table:
+    try:
+        finish(Simulation(escaping()))
+    except SimulationError as error:
+        return {"message": np.array(str(error))}
+    raise AssertionError("nothing was lost")
+
+
+def two_threads() -> Table:
+    with tempfile.TemporaryDirectory() as folder:
+        return columns(run(written(), folder, threads=2))
+
+
+def of(scene: Callable[[], Scene]) -> Callable[[], Table]:
+    return lambda: finish(Simulation(scene()))
+
+
 #: Name -> what runs it on the CPU.
-RUNS: dict[str, Callable[[], Table]] = {}
+RUNS = {name: of(scene) for name, scene in SCENES.items()}
+RUNS |= {precision: of(functools.partial(less_precise, precision)) for precision in ("mixed", "float32")}
+RUNS |= {"layers": of(layers), "escaping": lost, "written": two_threads}
 
 
 @functools.cache
@@ -51,9 +145,6 @@ def apart(theirs: Table, ours: Table) -> float:
 
 def renew() -> None:
     """Write the file anew."""
-    from tests.gpudem import test_cuda  # noqa: F401  (enters its runs)
-
-    KEPT.parent.mkdir(exist_ok=True)
     tables = {name: thin(on_cpu(name)) for name in RUNS}
     np.savez_compressed(
         KEPT, **{f"{name}/{column}": v for name, table in tables.items() for column, v in table.items()}
@@ -61,6 +152,4 @@ def renew() -> None:
 
 
 if __name__ == "__main__":
-    from tests.gpudem.on_cpu import renew as run_renew  # this file, under the name that test_cuda knows it by
-
-    run_renew()
+    renew()

@@ -8,18 +8,13 @@ from gpudem.scene import Scene
 from gpudem.simulation import run
 from gpudem.solver import Simulation
 from gpudem.state import masses
-from tests.gpudem.beds import PAIRS, falling_bed, gas
+from tests.gpudem.beds import PAIRS, falling_bed, finish, gas, same
 
 
 def final(scene: Scene, **options) -> dict[str, np.ndarray]:
     simulation = Simulation(scene, **options)
-    for first, last, planes in scene.segments:
-        simulation.start(planes, write=first == 0)
-        simulation.advance(last - first - 1)
-        simulation.write_step(last=True)
+    frame = finish(simulation)
     assert simulation.neighbors.rebuilds > 10
-    frame = simulation.frame()
-    simulation.close()
     return frame
 
 
@@ -42,8 +37,7 @@ def test_bit_identical(one_thread, options, monkeypatch):
     """Repeat, cores, and launches between two looks. Catches races, float atomics, stale neighbour lists."""
     blocks(monkeypatch, 400)
     again = final(falling_bed(), **options)
-    for column in one_thread:
-        assert np.array_equal(one_thread[column], again[column]), column
+    same(one_thread, again)
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -72,8 +66,7 @@ def test_bit_identical_with_a_full_list(threads, monkeypatch):
     blocks(monkeypatch, 400)
     short = falling_bed(time={"step": 2e-5, "duration": 0.02})
     ends = [final(short, threads=count, half_list=False) for count in (1, threads)]
-    for column in ends[0]:
-        assert np.array_equal(ends[0][column], ends[1][column]), column
+    same(*ends)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from gpudem.neighbor_list import NeighborList
 from gpudem.scan import GROUP, ExclusiveScan
 from gpudem.scene import Scene
 from gpudem.solver import Simulation
-from tests.gpudem.beds import falling_bed
+from tests.gpudem.beds import falling_bed, finish, same
 from tests.gpudem.test_failures import escaping
 from tests.gpudem.test_neighbor_list import layers
 from tests.gpudem.test_vibration import shaken_bed
@@ -19,18 +19,9 @@ def end(scene: Scene, graphs: bool = False, **options) -> tuple[dict[str, np.nda
     """The last frame, and how many rebuilds there were."""
     simulation = Simulation(scene, **{"threads": 1, "half_list": False, **options})
     simulation.graphs = graphs
-    for first, last, planes in scene.segments:
-        simulation.start(planes, write=first == 0)
-        simulation.advance(last - first - 1)
-        simulation.write_step(last=True)
-    simulation.close()
+    frame = finish(simulation)
     assert bool(simulation._graphs) == graphs
-    return simulation.frame(), simulation.neighbors.rebuilds
-
-
-def same(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> None:
-    for column in one:
-        assert np.array_equal(one[column], other[column]), column
+    return frame, simulation.neighbors.rebuilds
 
 
 @pytest.mark.parametrize(
