@@ -10,7 +10,8 @@ import numpy as np
 
 from comparisons import render
 from gpudem.errors import GpudemError
-from gpudem.frames import PVD, Frame, Frames
+from gpudem.output.frames import Frames
+from gpudem.output.vtu import PVD, Frame
 from gpudem.scene import Scene
 
 ENDINGS = (".gif", ".mp4")

@@ -79,7 +79,7 @@ def bench_scene(state: str, particles: int, steps: int, **changes: Any) -> Scene
 
 def make() -> None:
     """Settle a bed, let it flow, write both states."""
-    from gpudem.solver import Simulation
+    from gpudem.solver.solver import Solver
 
     loose = {
         "source": "lattice", "material": "polystyrene", "radius": RADIUS, "count": COUNT, "seed": 1,
@@ -87,7 +87,7 @@ def make() -> None:
     }  # fmt: skip
     scene = bed_scene("bed", loose, gate=True, duration=SETTLE)
     for state, steps in (("settled", SETTLE), ("flowing", FLOW)):
-        simulation = Simulation(scene)
+        simulation = Solver(scene)
         simulation.start()
         simulation.advance(scene.steps(steps) - 1)
         simulation.write_step()

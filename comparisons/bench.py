@@ -20,9 +20,9 @@ import psutil
 
 from comparisons.beds import STEP, bench_scene
 from comparisons.bench_worker import Measured
-from gpudem.device import cores as usable_cores
-from gpudem.device import find_device
 from gpudem.errors import GpudemError
+from gpudem.solver.device import cores as usable_cores
+from gpudem.solver.device import find_device
 
 BEDS = ("settled", "flowing")
 #: Particle-steps of one measurement: about 10 s on one core.

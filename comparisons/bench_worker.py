@@ -15,7 +15,7 @@ import numpy as np
 import warp as wp
 
 from comparisons.beds import SKIN, bench_scene
-from gpudem.solver import Simulation
+from gpudem.solver.solver import Solver
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,7 +44,7 @@ def measure(
     from gpudem.process import peak_memory
 
     scene = bench_scene(bed, particles, steps, solver={"skin": SKIN, "precision": precision})
-    simulation = Simulation(scene, device, threads)
+    simulation = Solver(scene, device, threads)
     simulation.start()
     simulation.advance(1)
     wp.synchronize_device(simulation.device)
@@ -64,7 +64,7 @@ def measure(
     )  # fmt: skip
 
 
-def moved_bytes(simulation: Simulation) -> float:
+def moved_bytes(simulation: Solver) -> float:
     """Bytes a particle that a step reads or writes at least: springs of touching pairs alone, all else once.
 
     What a cache cannot spare once the arrays outgrow it; without the rebuild, and without the lines that the

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, Literal
 
 from gpudem.errors import GpudemError
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Scene
 
 if TYPE_CHECKING:

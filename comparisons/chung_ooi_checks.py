@@ -16,7 +16,7 @@ from comparisons.impact_checks import CODES, finest, ladder, step_of
 from comparisons.impacts import exact, overlap
 from comparisons.metrics import trace as measure
 from comparisons.oracles import closed_forms
-from gpudem.run import Run
+from gpudem.output.run import Run
 
 ODE = "ODE (DOP853, rtol 1e-13)"
 PAPER = "Chung and Ooi 2011"

@@ -11,7 +11,7 @@ from comparisons.chung_ooi import Test, published
 from comparisons.chung_ooi_checks import PAPER, distance
 from comparisons.impact_checks import CODES, finest
 from comparisons.impacts import exact, overlap
-from gpudem.run import Run
+from gpudem.output.run import Run
 
 
 def force_history(

@@ -10,11 +10,11 @@ import click
 import numpy as np
 
 from comparisons import codes, execute, progress, provenance, setup_table
-from gpudem import scene_checks
 from gpudem.errors import GpudemError
-from gpudem.restart import FILE, Restart
-from gpudem.run import Run
+from gpudem.output.restart import FILE, Restart
+from gpudem.output.run import Run
 from gpudem.scene import Scene
+from gpudem.scene import checks as scene_checks
 
 
 class RunError(GpudemError):
@@ -40,13 +40,13 @@ def run(path: Path, code: str, options: codes.Options, out: Path | None, quiet: 
 
 def resume(directory: Path, device: str, threads: int | None, quiet: bool) -> int:
     """Go on with a run of gpudem from its restart file."""
-    from gpudem import simulation
+    from gpudem import driver
 
     restart = Restart.load(directory)
     click.echo(f"from step {restart.step}, t = {restart.step * restart.scene.time.step:.9g} s", err=True)
     return _shown(
         restart.scene, directory, "gpudem", directory, quiet,
-        lambda step: simulation.resume(directory, device=device, threads=threads, progress=step),
+        lambda step: driver.resume(directory, device=device, threads=threads, progress=step),
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Scene
 
 #: Called with the number of steps done.
@@ -41,12 +41,12 @@ class Code:
 def _gpudem(
     scene: Scene, directory: Path, options: Options, progress: Progress, extra: dict[str, Any]
 ) -> Run:
-    from gpudem import simulation
+    from gpudem import driver
 
     arguments = dataclasses.asdict(options)
     del arguments["ranks"]
     arguments |= extra
-    return simulation.run(scene, directory, progress=progress, **arguments)
+    return driver.simulate(scene, directory, progress=progress, **arguments)
 
 
 def _liggghts(

@@ -11,7 +11,7 @@ import numpy as np
 
 from comparisons.case import Results
 from comparisons.metrics import pile
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Domain, Lattice, Material, Output, Pair, Plane, Scene, Time
 
 #: Box of the experiment [m]: length, depth, height; number, radius [m] and mass [kg] of its balls.

@@ -14,7 +14,7 @@ from comparisons.case import Tier
 from comparisons.oracles import gas
 from comparisons.oracles.bodies import bodies
 from comparisons.oracles.chain import Chain
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Box, Contact, Domain, Explicit, Lattice, Material, Output, Pair, Plane, Scene, Time
 
 RADIUS, GRAVITY = 0.003, 9.81

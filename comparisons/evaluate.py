@@ -10,7 +10,7 @@ from comparisons import codes
 from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Unmeasured
 from comparisons.results import Artefact, CheckResult, Status
 from gpudem.errors import GpudemError
-from gpudem.run import Run
+from gpudem.output.run import Run
 
 Key = tuple[str, str]
 

@@ -24,7 +24,7 @@ from gpudem.errors import GpudemError
 from gpudem.event_driven.engine import Engine
 from gpudem.event_driven.statement import Statement
 from gpudem.scene import Box, Contact, Domain, Explicit, Material, Pair, Plane, Scene, Time
-from gpudem.sections import Vibration
+from gpudem.scene.sections import Vibration
 
 Search = Literal["tree", "scan", "pairs"]
 SEARCHES: tuple[Search, ...] = ("tree", "scan", "pairs")

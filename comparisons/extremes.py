@@ -12,7 +12,7 @@ from comparisons.oracles.bodies import bodies
 from comparisons.oracles.closed_forms import static_overlap
 from comparisons.oracles.impact import impact
 from comparisons.oracles.several import row_of_spheres, squeezed
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
 
 R, E, NU, RHO = 0.003, 5e6, 0.34, 1768.0

@@ -7,7 +7,7 @@ import numpy as np
 from comparisons.beds import COUNT, STEP, bed_scene, bench_scene, tiled
 from comparisons.case import Results
 from comparisons.metrics import trace as measure
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
 
 RADIUS = 0.003
@@ -149,7 +149,7 @@ def points_error(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Last raw frame: overlaps [m] by float64 positions, by the VTK points; |point - position| [m]."""
     from scipy.spatial import KDTree
 
-    from gpudem.frames import read_vtu
+    from gpudem.output.frames import read_vtu
 
     last = sorted((run.directory / "raw").glob("p_[0-9]*.vtu"))[-1]
     frame = read_vtu(last)

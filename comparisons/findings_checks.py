@@ -16,7 +16,7 @@ from comparisons.impact_checks import finest, ladder
 from comparisons.impacts import errors
 from comparisons.metrics import trace
 from gpudem.errors import GpudemError
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Scene
 
 OURS, THEIRS = "gpudem", "liggghts"
@@ -29,11 +29,11 @@ SAME = "same law, same scheme: rounding is all that is left"
 
 def refusals(scene: Scene) -> dict[str, str]:
     """What gpudem and LIGGGHTS behind our guards say of a scene that must not pass; "" where they pass it."""
-    from gpudem import simulation
+    from gpudem import driver
     from reference import liggghts
 
     def ours(folder: Path) -> Run:
-        return simulation.run(scene, folder)
+        return driver.simulate(scene, folder)
 
     def theirs(folder: Path) -> Run:
         return liggghts.run(scene, folder, use_recorded=False)

@@ -11,7 +11,7 @@ from comparisons.case import Check, Measured, Results
 from comparisons.impact_checks import CODES
 from comparisons.metrics.trace import largest_difference
 from comparisons.oracles import linear
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Domain, Lattice, Scene
 
 RADIUS, DENSITY, POISSON = 1e-3, 2500.0, 0.3

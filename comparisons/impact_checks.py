@@ -11,7 +11,7 @@ from comparisons.case import Check, Measured, Results
 from comparisons.impacts import Meeting, errors, exact, observables, overlap, relative_velocity
 from comparisons.metrics import trace as measure
 from comparisons.oracles import closed_forms
-from gpudem.run import Run
+from gpudem.output.run import Run
 
 CODES = ("gpudem", "liggghts")
 ODE = "ODE (DOP853, rtol 1e-13)"

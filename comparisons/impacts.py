@@ -11,7 +11,7 @@ import numpy as np
 from comparisons.case import Results, Tier
 from comparisons.metrics import trace as measure
 from comparisons.oracles.impact import Impact, impact
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Scene
 
 

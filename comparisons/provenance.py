@@ -55,7 +55,7 @@ def hardware() -> dict[str, Any]:
     """CPU model, cores this process may use, memory [GiB], GPUs."""
     import psutil
 
-    from gpudem.device import cores
+    from gpudem.solver.device import cores
 
     return {
         "cpu": _cpu_model(),
@@ -69,7 +69,7 @@ def gpus() -> list[str]:
     """Names of the CUDA devices that Warp sees; empty without one."""
     import warp
 
-    import gpudem.device  # noqa: F401  (sets Warp up before its first use)
+    import gpudem.solver.device  # noqa: F401  (sets Warp up before its first use)
 
     warp.init()
     return [f"{d.name} ({d.total_memory / 2**30:.0f} GiB, sm_{d.arch})" for d in warp.get_cuda_devices()]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gpudem.frames import Frame
+from gpudem.output.vtu import Frame
 from gpudem.scene import Scene
 
 if TYPE_CHECKING:

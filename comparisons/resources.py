@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from gpudem.errors import GpudemError
-from gpudem.kernels import step_kernel
-from gpudem.spec import Spec
+from gpudem.solver.spec import Spec
+from gpudem.solver.step_kernel import step_kernel
 
 
 @dataclasses.dataclass(frozen=True)

@@ -13,7 +13,7 @@ from comparisons.impacts import Meeting, overlap, relative_velocity
 from comparisons.metrics import trace as measure
 from comparisons.oracles import closed_forms, normal_impact
 from comparisons.oracles.bodies import Bodies, star
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
 
 Law = Literal["hertz", "hertz/stiffness", "hooke"]

@@ -8,8 +8,8 @@ import time
 import numpy as np
 import warp as wp
 
-from gpudem.crew import Crew
-from gpudem.device import find_device
+from gpudem.solver.device import find_device
+from gpudem.solver.thread_pool import Crew
 
 #: Doubles of each of the two arrays: 512 MiB together, far more than any cache holds.
 LENGTH = 1 << 25

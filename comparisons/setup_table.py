@@ -8,7 +8,7 @@ import numpy as np
 
 from comparisons.numbers import number
 from gpudem.scene import Plane, Scene
-from gpudem.time_scales import contact_time, rayleigh_time
+from gpudem.scene.time_step import contact_time, rayleigh_time
 
 Row = tuple[str, str, str]
 

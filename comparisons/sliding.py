@@ -14,7 +14,7 @@ from comparisons.impact_checks import CODES, finest
 from comparisons.impacts import Meeting, exact, relative_velocity
 from comparisons.oracles import closed_forms, contact_ode
 from comparisons.oracles.impact import Impact
-from gpudem.run import Run
+from gpudem.output.run import Run
 
 if TYPE_CHECKING:
     import pandas

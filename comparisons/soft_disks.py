@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from comparisons.case import Results
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Scene
 
 #: The engine of hard disks, and its long run; from when on that is steady [s].

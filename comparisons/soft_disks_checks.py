@@ -24,11 +24,9 @@ LENGTH = 200.0
 
 def floor_power(results: Results) -> float:
     """N m g U [W] of the scene."""
-    from gpudem.state import masses
-
     scene = results[label(1e-2), "gpudem"].scene
     speed = max(plane.speed for plane in scene.planes)
-    return float(masses(scene).sum()) * -scene.gravity[2] * speed
+    return float(scene.masses.sum()) * -scene.gravity[2] * speed
 
 
 def largest_power(results: Results, lost: bool) -> Measured:

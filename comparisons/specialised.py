@@ -9,7 +9,7 @@ import numpy as np
 from comparisons import gases
 from comparisons.beds import COUNT, FRICTIONLESS, MATERIALS, PAIRS, bed_scene, bench_scene
 from comparisons.case import Measured, Results, Tier, Variant
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Contact, Material, Output, Pair, Scene, Time
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ import numpy as np
 
 from comparisons.oracles import step_limit
 from comparisons.oracles.bodies import Bodies
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
 
 BALL = Material(young=5e6, poisson=0.34, density=1768.0)

@@ -13,9 +13,9 @@ from comparisons.case import Results, Tier, Variant
 from comparisons.numbers import number
 from comparisons.oracles import step_limit
 from comparisons.stability import POOR, STABLE, UNSTABLE, Spot
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Output, Scene, Time
-from gpudem.time_scales import USUAL_CONTACT, USUAL_RAYLEIGH
+from gpudem.scene.time_step import USUAL_CONTACT, USUAL_RAYLEIGH
 
 if TYPE_CHECKING:
     import pandas

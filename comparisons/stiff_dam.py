@@ -9,7 +9,7 @@ import numpy as np
 from comparisons import dam
 from comparisons.case import Results, Tier, Variant
 from comparisons.metrics import pile, statistics
-from gpudem.run import Run
+from gpudem.output.run import Run
 
 #: Young's modulus of the balls of the experiment [Pa].
 TRUE = dam.BALL.young

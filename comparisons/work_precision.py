@@ -17,7 +17,7 @@ from comparisons.case import Results
 from comparisons.oracles import closed_forms
 from comparisons.oracles.bodies import bodies
 from comparisons.oracles.impact import Impact, impact
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Scene
 
 RADIUS, SPEED, SLIDE = 0.003, 1.0, 0.6

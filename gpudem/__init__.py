@@ -13,12 +13,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from gpudem.errors import GpudemError, SceneError, SimulationError
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Scene
 
 if TYPE_CHECKING:
-    from gpudem.simulation import resume
-    from gpudem.simulation import run as simulate
+    from gpudem.driver import resume, simulate
 
 __version__ = "0.1.0"
 __all__ = [
@@ -28,7 +27,7 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name in ("resume", "simulate"):  # need Warp
-        from gpudem import simulation
+        from gpudem import driver
 
-        return simulation.resume if name == "resume" else simulation.run
+        return driver.resume if name == "resume" else driver.simulate
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

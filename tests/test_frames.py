@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from gpudem.errors import GpudemError
-from gpudem.frames import Frame, FrameError, Frames, FrameWriter, read_vtu, write_pvd, write_vtu
-from gpudem.run import Run, Timing
+from gpudem.output.frames import Frames, FrameWriter
+from gpudem.output.run import Run, Timing
+from gpudem.output.vtu import Frame, FrameError, read_vtu, write_pvd, write_vtu
 from gpudem.scene import Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
 
 RNG = np.random.default_rng(7)

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
 
-from gpudem.packing import InitialState, lattice
 from gpudem.scene import Lattice
+from gpudem.scene.packing import InitialState, lattice
 
 INDEX = {"ps": 0, "steel": 1}
 

@@ -24,7 +24,7 @@ from gpudem.scene import (
     SceneError,
     Time,
 )
-from gpudem.time_scales import contact_time, rayleigh_time
+from gpudem.scene.time_step import contact_time, rayleigh_time
 
 MATERIALS = {
     "ps": Material(young=3.25e7, poisson=0.34, density=1050),

@@ -11,7 +11,7 @@ from comparisons import engines, gases, plots
 from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.impact_checks import CODES
 from comparisons.oracles import column
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Contact, Domain, Lattice, Material, Output, Pair, Plane, Scene, Time
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from comparisons import gases, plots
 from comparisons.case import TIERS, Case, Check, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.impact_checks import CODES
 from comparisons.oracles import gas
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Contact, Material, Output, Pair, Scene, Time
 
 if TYPE_CHECKING:

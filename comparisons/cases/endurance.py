@@ -10,7 +10,7 @@ import numpy as np
 from comparisons import endurance, plots
 from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.numbers import number
-from gpudem.run import Run
+from gpudem.output.run import Run
 
 if TYPE_CHECKING:
     import pandas

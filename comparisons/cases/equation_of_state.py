@@ -11,7 +11,7 @@ import numpy as np
 from comparisons import gases, plots
 from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.oracles import gas
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Scene, Time
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from comparisons import gases, plots
 from comparisons.case import TIERS, Case, Check, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.impact_checks import CODES
 from comparisons.oracles import gas
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Material, Output, Pair, Scene, Time
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 from comparisons import engines, gases, plots
 from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.impact_checks import CODES
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Box, Contact, Material, Output, Pair, Scene, Time
 
 if TYPE_CHECKING:

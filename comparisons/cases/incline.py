@@ -13,7 +13,7 @@ from comparisons.impact_checks import CODES
 from comparisons.metrics.trace import largest_difference
 from comparisons.oracles.bodies import bodies
 from comparisons.oracles.rolling import Arm, down_slope, sticking_limit
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
 
 if TYPE_CHECKING:

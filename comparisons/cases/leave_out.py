@@ -8,7 +8,7 @@ from comparisons import specialised
 from comparisons.beds import COUNT, FRICTIONLESS, bench_scene
 from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
 from gpudem.errors import GpudemError
-from gpudem.run import Run
+from gpudem.output.run import Run
 
 STEPS = {"quick": 200, "standard": 2000, "full": 10000}
 PLAIN, FULL = "frictionless", "friction"
@@ -87,7 +87,7 @@ def array_table(results: Results) -> pandas.DataFrame:
 def kernel_table(results: Results) -> pandas.DataFrame:
     """Registers and spills of the step kernel of both scenes, compiled for sm_90."""
     from comparisons.resources import find_ptxas, step_kernel_resources
-    from gpudem.spec import Spec
+    from gpudem.solver.spec import Spec
 
     if find_ptxas() is None:
         return pandas.DataFrame({"note": ["no ptxas here: pip install nvidia-cuda-nvcc"]})

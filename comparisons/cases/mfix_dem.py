@@ -16,7 +16,7 @@ from comparisons.impacts import errors, exact
 from comparisons.metrics.trace import largest_difference
 from comparisons.oracles import closed_forms
 from comparisons.oracles.linear import Bouncer, hard_sphere_top, squeezed_column
-from gpudem.run import Run
+from gpudem.output.run import Run
 
 if TYPE_CHECKING:
     import pandas

@@ -12,7 +12,7 @@ from comparisons.case import Case, Check, Figure, Measured, Results, Table, Vari
 from comparisons.impact_checks import CODES
 from comparisons.metrics.trace import largest_difference
 from comparisons.oracles.bodies import Bodies, bodies
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
 
 if TYPE_CHECKING:

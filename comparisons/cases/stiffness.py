@@ -13,7 +13,7 @@ from comparisons.numbers import number
 from comparisons.oracles import step_limit
 from comparisons.oracles.bodies import bodies
 from comparisons.oracles.closed_forms import elastic_contact_time, static_overlap
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
 
 if TYPE_CHECKING:

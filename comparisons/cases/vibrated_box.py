@@ -11,7 +11,7 @@ from comparisons import plots, soft_disks, soft_disks_checks, time_stepping
 from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.metrics import statistics
 from gpudem.event_driven.statement import Statement
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import (
     Box,
     Contact,

@@ -3,7 +3,7 @@
 import functools
 from typing import Any
 
-from gpudem.device import wp
+from gpudem.solver.device import wp
 
 #: Arithmetic of the contact laws: forces, springs, coefficients.
 REAL = {"float64": wp.float64, "mixed": wp.float32, "float32": wp.float32}

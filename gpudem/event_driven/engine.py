@@ -7,12 +7,12 @@ from typing import Any, Literal
 import numpy as np
 import warp as wp
 
-from gpudem.device import find_device
 from gpudem.errors import SimulationError
 from gpudem.event_driven import events as k
 from gpudem.event_driven.all_pairs import all_pairs
 from gpudem.event_driven.kernels import kernels
 from gpudem.event_driven.statement import SIDES, Statement, Walls
+from gpudem.solver.device import find_device
 
 #: Events of one launch, some 40 ms: time to look at the clock, for Ctrl-C and for progress.
 CHUNK = 100_000

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-import gpudem.device  # noqa: F401  (Warp is configured before its first kernel)
+import gpudem.solver.device  # noqa: F401  (Warp is configured before its first kernel)
 
 real, vec3 = wp.float64, wp.vec3d
 FAR = wp.constant(wp.float64(1e300))

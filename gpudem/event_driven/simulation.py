@@ -10,10 +10,10 @@ import numpy as np
 
 from gpudem.event_driven.engine import Engine
 from gpudem.event_driven.statement import Statement
-from gpudem.frames import Frame
-from gpudem.observe import Recorder
+from gpudem.output.recorder import Recorder
+from gpudem.output.run import Run, Timing
+from gpudem.output.vtu import Frame
 from gpudem.process import peak_memory, version
-from gpudem.run import Run, Timing
 from gpudem.scene import Scene
 
 #: Columns of the history beside HISTORY_COLUMNS: collisions, energies [J] and the sum of impulse times

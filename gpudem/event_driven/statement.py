@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from gpudem.errors import SceneError
 from gpudem.scene import Plane, Scene
-from gpudem.sections import Side
+from gpudem.scene.sections import Side
 
 SIDES: tuple[Side, ...] = ("xlo", "xhi", "ylo", "yhi", "zlo", "zhi")
 #: Shortest period of a vibrating wall, by the length of the run: the clock must tell where in a tooth it is.

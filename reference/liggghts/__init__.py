@@ -6,7 +6,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from gpudem.run import Run, Timing
+from gpudem.output.run import Run, Timing
 from gpudem.scene import Scene
 from reference.liggghts import binary as program
 from reference.liggghts import dump, recorded

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from gpudem.errors import GpudemError
-from gpudem.run import Run, Timing
+from gpudem.output.run import Run, Timing
 from gpudem.scene import Scene
 from reference.liggghts import binary as program
 from reference.liggghts import dump

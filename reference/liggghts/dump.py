@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gpudem.frames import Frame, FrameError, FrameWriter, read_vtu
-from gpudem.run import HISTORY_COLUMNS, TRACE_COLUMNS
+from gpudem.output.frames import FrameWriter
+from gpudem.output.run import HISTORY_COLUMNS, TRACE_COLUMNS
+from gpudem.output.vtu import Frame, FrameError, read_vtu
 from gpudem.scene import Scene
 from reference.liggghts.deck import RAW, history_columns
 from reference.liggghts.errors import LiggghtsOutputError

@@ -8,8 +8,8 @@ from comparisons import plots, render
 from comparisons.case import Case, Check, Figure, Measured, Table, Variant
 from comparisons.codes import Code
 from gpudem.errors import GpudemError
-from gpudem.frames import FrameWriter
-from gpudem.run import Run, Timing
+from gpudem.output.frames import FrameWriter
+from gpudem.output.run import Run, Timing
 from gpudem.scene import Scene
 
 SPEED, G = 1.0, 9.81

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from comparisons import animate, cli, render
-from gpudem import event_driven, simulation
+from gpudem import driver, event_driven
 from gpudem.errors import GpudemError
 from gpudem.scene import Output, Scene
 from reference import liggghts
@@ -82,7 +82,7 @@ def test_liggghts_frames_are_drawn_alike(hard, tmp_path):
 
 def test_the_command(tmp_path, capsys):
     # catches: options that do not arrive; the view from above has another height
-    simulation.run(flying(), tmp_path, device="cpu")
+    driver.simulate(flying(), tmp_path, device="cpu")
     common = ["animate", str(tmp_path), "--width", "160", "--fps", "5", "--color", "velocity"]
     assert cli.main([*common, "--out", str(tmp_path / "a.gif")]) == 0
     assert cli.main([*common, "--out", str(tmp_path / "b.gif"), "--view", "oblique"]) == 0

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from comparisons import bench, bench_worker, roofline
 from comparisons.beds import COUNT, STEP, bench_scene
 from gpudem.errors import GpudemError
-from gpudem.solver import Simulation
+from gpudem.solver.solver import Solver
 
 
 def row(**changes) -> bench.Row:
@@ -58,7 +58,7 @@ def test_memory_a_particle():
 
 def test_moved_bytes_of_a_known_bed():
     """Catches an array left out of the count or counted twice."""
-    simulation = Simulation(bench_scene("settled", 1000, 20), threads=1)
+    simulation = Solver(bench_scene("settled", 1000, 20), threads=1)
     simulation.start()
     simulation.advance(5)
     n = simulation.state.n

@@ -11,7 +11,7 @@ import pytest
 
 from comparisons.case import Case, Results
 from comparisons.cases import head_on, oblique, slide_to_roll, wall_restitution
-from gpudem import simulation
+from gpudem import driver
 from gpudem.scene import Scene
 
 
@@ -46,7 +46,7 @@ def failures(case: Case, change: Callable[[Scene], Scene]) -> list[str]:
     """Names of the checks against closed forms and the ODE that a changed gpudem fails."""
     runs = {}
     for variant in case.variants("quick"):
-        run = simulation.run(change(variant.scene))
+        run = driver.simulate(change(variant.scene))
         runs[variant.label, "gpudem"] = dataclasses.replace(run, scene=variant.scene)
     results, failed = Results("quick", runs), []
     for check in case.checks:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from comparisons import cli, discover
+from gpudem import driver
 from tests.comparisons import fake
 
 ROOT = Path(__file__).parent.parent.parent
@@ -69,7 +70,7 @@ def test_run_reports_speed_and_where(here, capsys, monkeypatch):
     from comparisons import codes
 
     def run(scene, directory, options, progress, extra):
-        from gpudem.run import Run, Timing
+        from gpudem.output.run import Run, Timing
 
         progress(scene.n_steps)
         return Run("gpudem", "0", scene, directory, Timing(1, scene.n_steps, 1e-4), warnings=["watch out"])
@@ -96,22 +97,21 @@ def test_run_interrupted(here, capsys, monkeypatch):
 
 def test_interrupted_and_resumed(tmp_path, capsys, monkeypatch):
     """Ctrl-C says how to go on; the end is that of a run in one."""
-    from gpudem import simulation
-    from gpudem.run import Run
+    from gpudem.output.run import Run
 
     monkeypatch.chdir(tmp_path)
     stated = SCENE + "[output]\nhistory_every = 1e-5\nrestart_every = 1e-5\n"
     (tmp_path / "scene.toml").write_text(stated)
     assert cli.main(["run", "scene.toml", "-q", "--out", "whole"]) == 0
 
-    class Interrupted(simulation.Restart):
+    class Interrupted(driver.Restart):
         def save(self, directory):
             super().save(directory)
             if self.step >= 50:
                 raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(simulation, "Restart", Interrupted)
+        patch.setattr(driver, "Restart", Interrupted)
         assert cli.main(["run", "scene.toml", "-q", "--out", "r"]) == 130
     assert "go on with: gpudem resume r" in capsys.readouterr().err
     assert cli.main(["resume", "r", "-q"]) == 0

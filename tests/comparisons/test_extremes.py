@@ -9,9 +9,9 @@ import pytest
 
 from comparisons.cases.extremes import scenes
 from comparisons.extremes import Extreme
-from gpudem import simulation
+from gpudem import driver
 from gpudem.errors import SimulationError
-from gpudem.run import Run
+from gpudem.output.run import Run
 
 #: Scenes that no code can bring to an end, and the words that gpudem must have for them.
 WORDS = {
@@ -24,7 +24,7 @@ EXTREMES = {x.name: x for x in scenes()}
 def outcome(x: Extreme, precision: str) -> str:
     """ "right", "wrong, silently", or what was said."""
     try:
-        run = simulation.run(x.scene, precision=precision)
+        run = driver.simulate(x.scene, precision=precision)
     except SimulationError as error:
         return str(error)
     return "; ".join(run.warnings) or ("right" if x.error(run) <= x.tolerance else "wrong, silently")
@@ -52,7 +52,7 @@ def test_a_silent_wrong_number_is_seen():
 def test_a_run_that_did_nothing_is_wrong(name: str):
     """Catches an error measure that holds whatever happens: balls that stay as they started, or NaN."""
     x = EXTREMES[name]
-    run = simulation.run(x.scene.replace(time={"duration": x.scene.time.step}, output={"trace_every": 1e-9}))
+    run = driver.simulate(x.scene.replace(time={"duration": x.scene.time.step}, output={"trace_every": 1e-9}))
     assert run.trace is not None
     for value in (None, np.nan):
         trace = {k: v if value is None else np.full_like(v, value, dtype=float) for k, v in run.trace.items()}

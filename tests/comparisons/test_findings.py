@@ -9,8 +9,8 @@ import pytest
 from comparisons import findings, findings_checks
 from comparisons.case import Check, Results
 from comparisons.evaluate import holds
-from gpudem import simulation
-from gpudem.run import Run, Timing
+from gpudem import driver
+from gpudem.output.run import Run, Timing
 
 
 def check(words: str) -> Check:
@@ -24,7 +24,7 @@ def verdict(words: str, runs: dict[tuple[str, str], Run]) -> bool:
 
 def test_no_difference_is_no_finding():
     """A LIGGGHTS whose default deck resets the spring, and whose second run changes nothing."""
-    hop, collide = simulation.run(findings.hop()), simulation.run(findings.collide())
+    hop, collide = driver.simulate(findings.hop()), driver.simulate(findings.collide())
     theirs = {("hop", "liggghts"): hop, ("hop_default_factor", "liggghts"): hop}
     assert not verdict("spring kept", theirs)
     theirs = {("collide", "liggghts"): collide, ("collide_two_runs", "liggghts"): collide}
@@ -33,7 +33,7 @@ def test_no_difference_is_no_finding():
 
 def test_springs_lost_at_a_run_would_be_seen():
     """Above 1e-3 of the impact speed the check says that more than one step's forces has changed."""
-    collide = simulation.run(findings.collide())
+    collide = driver.simulate(findings.collide())
     other = {**collide.trace, "velocity": collide.trace["velocity"] + 2e-3}
     runs = {("collide", "liggghts"): collide,
             ("collide_two_runs", "liggghts"): dataclasses.replace(collide, trace=other)}  # fmt: skip
@@ -43,7 +43,7 @@ def test_springs_lost_at_a_run_would_be_seen():
 @pytest.mark.parametrize(("law", "excess"), [("default", 0.45), ("coulomb", -0.015)])
 def test_excess_of_friction(law, excess):
     """45 % at e = 0.3 by default; with both options the first touch sticks and takes 1.5 % less."""
-    run = simulation.run(findings.slide(law))
+    run = driver.simulate(findings.slide(law))
     assert findings.excess(run)[0] == pytest.approx(excess, abs=0.005)
     assert verdict(
         "with limit_force and without tangential dashpot (gpudem)", {("coulomb", "gpudem"): run}

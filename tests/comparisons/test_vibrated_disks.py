@@ -9,8 +9,8 @@ import pytest
 
 from comparisons import soft_disks, time_stepping
 from comparisons.cases import vibrated_box
+from gpudem.driver import simulate as run
 from gpudem.event_driven.statement import Statement
-from gpudem.simulation import run
 
 
 def test_contact_time():

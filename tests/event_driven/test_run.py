@@ -7,7 +7,7 @@ import pytest
 
 from gpudem import event_driven
 from gpudem.errors import SimulationError
-from gpudem.run import HISTORY_COLUMNS, Run
+from gpudem.output.run import HISTORY_COLUMNS, Run
 from gpudem.scene import Output
 from tests.event_driven import scenes
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from gpudem.scene import Scene
-from gpudem.solver import Simulation
+from gpudem.solver.solver import Solver
 
 MATERIALS = {
     "ball": {"young": 5e6, "poisson": 0.34, "density": 1768.0},
@@ -56,7 +56,7 @@ def gas(**changes: Any) -> Scene:
     return Scene(**{**data, **changes})
 
 
-def finish(simulation: Simulation) -> dict[str, np.ndarray]:
+def finish(simulation: Solver) -> dict[str, np.ndarray]:
     """The last frame of a simulation, run through all its segments."""
     for first, last, planes in simulation.scene.segments:
         simulation.start(planes, write=first == 0)

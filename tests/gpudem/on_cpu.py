@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gpudem.device import wp
+from gpudem.driver import simulate as run
 from gpudem.errors import SimulationError
-from gpudem.run import Run
+from gpudem.output.run import Run
 from gpudem.scene import Scene
-from gpudem.simulation import run
-from gpudem.solver import Simulation
+from gpudem.solver.device import wp
+from gpudem.solver.solver import Solver
 from tests.gpudem.beds import MATERIALS, PAIRS, falling_bed, finish, gas
 from tests.gpudem.test_failures import escaping
 from tests.gpudem.test_neighbor_list import layers
@@ -95,7 +95,7 @@ def columns(done: Run) -> Table:
 
 def lost() -> Table:
     try:
-        finish(Simulation(escaping()))
+        finish(Solver(escaping()))
     except SimulationError as error:
         return {"message": np.array(str(error))}
     raise AssertionError("nothing was lost")
@@ -107,7 +107,7 @@ def two_threads() -> Table:
 
 
 def of(scene: Callable[[], Scene]) -> Callable[[], Table]:
-    return lambda: finish(Simulation(scene()))
+    return lambda: finish(Solver(scene()))
 
 
 #: Name -> what runs it on the CPU.

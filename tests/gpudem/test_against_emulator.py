@@ -7,8 +7,8 @@ spring kept after separation, full-step velocities where half-step ones belong, 
 import numpy as np
 import pytest
 
-from gpudem.run import TRACE_COLUMNS
-from gpudem.simulation import run
+from gpudem.driver import simulate as run
+from gpudem.output.run import TRACE_COLUMNS
 from tests.reference.emulator import emulate
 from tests.reference.scenes import AGREEMENT, two_spheres
 

@@ -7,9 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from comparisons.oracles.impact import impact
+from gpudem.driver import simulate as run
 from gpudem.scene import Scene
-from gpudem.simulation import run
-from gpudem.time_scales import (
+from gpudem.scene.time_step import (
     USUAL_CONTACT,
     USUAL_RAYLEIGH,
     contact_time,

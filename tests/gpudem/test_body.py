@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from gpudem.body import WORD, body_fields, body_struct, read_code, write_code
-from gpudem.device import wp
-from gpudem.spec import Spec
-from gpudem.state import structs
+from gpudem.solver.body import WORD, body_fields, body_struct, read_code, write_code
+from gpudem.solver.device import wp
+from gpudem.solver.spec import Spec
+from gpudem.solver.state import structs
 
 SHIM = """
 struct double2 { double x, y; };

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from comparisons.bench_worker import measure
-from gpudem.device import wp
+from gpudem.driver import simulate as run
 from gpudem.errors import SimulationError
 from gpudem.scene import Scene
-from gpudem.simulation import run
-from gpudem.solver import Simulation
+from gpudem.solver.device import wp
+from gpudem.solver.solver import Solver
 from tests.gpudem.beds import finish, same
 from tests.gpudem.on_cpu import RUNS, SCENES, apart, columns, kept, less_precise, on_cpu, written
 from tests.gpudem.test_failures import escaping
@@ -32,8 +32,8 @@ DEVICES = pytest.mark.parametrize(
 )
 
 
-def simulation(scene: Scene, where: dict, **options) -> Simulation:
-    made = Simulation(scene, **{**where, **options})
+def simulation(scene: Scene, where: dict, **options) -> Solver:
+    made = Solver(scene, **{**where, **options})
     made.graphs = True
     return made
 

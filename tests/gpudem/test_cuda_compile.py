@@ -6,8 +6,8 @@ Catches CUDA-only compile errors, and a change that pushes a kernel into local m
 import pytest
 
 from comparisons.resources import find_ptxas, kernel_resources, step_kernel_resources
-from gpudem.neighbors import cell_kernel, gather_kernel, list_kernel
-from gpudem.spec import Spec
+from gpudem.solver.neighbor_kernels import cell_kernel, gather_kernel, list_kernel
+from gpudem.solver.spec import Spec
 
 FULL = {"tangential": "history", "rotation": True, "gravity": True, "walls": True}
 EVERYTHING = {

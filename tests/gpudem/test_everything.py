@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from comparisons import specialised
-from gpudem.simulation import run
+from gpudem.driver import simulate as run
 
 STEPS = 60
 

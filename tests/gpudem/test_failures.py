@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from gpudem.driver import simulate as run
 from gpudem.errors import GpudemError, SimulationError
 from gpudem.event_driven.simulation import run as run_events
-from gpudem.frames import Frame, Frames, FrameWriter
-from gpudem.run import Run
-from gpudem.simulation import run
+from gpudem.output.frames import Frames, FrameWriter
+from gpudem.output.run import Run
+from gpudem.output.vtu import Frame
 from tests.gpudem.beds import falling_bed
 from tests.reference.scenes import FACING, scene
 

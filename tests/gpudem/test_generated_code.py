@@ -8,9 +8,9 @@ import pytest
 from gpudem.contact.normal import NORMAL
 from gpudem.contact.rolling import ROLLING
 from gpudem.contact.tangential import TANGENTIAL
-from gpudem.device import wp
-from gpudem.kernels import step_kernel
-from gpudem.spec import Spec
+from gpudem.solver.device import wp
+from gpudem.solver.spec import Spec
+from gpudem.solver.step_kernel import step_kernel
 
 FULL = {"tangential": "history", "rotation": True, "gravity": True, "walls": True, "half_list": True}
 MORE = {**FULL, "several_materials": True, "several_radii": True, "periodic": (True, True, True)}

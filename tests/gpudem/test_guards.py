@@ -4,9 +4,9 @@ import re
 
 import pytest
 
+from gpudem.driver import simulate as run
 from gpudem.errors import SimulationError
 from gpudem.scene import Scene
-from gpudem.simulation import run
 from tests.gpudem.beds import falling_bed
 
 WALL = {"kind": "plane", "name": "floor", "material": "ball", "point": (0, 0, 0), "normal": (0, 0, 1)}

@@ -9,9 +9,9 @@ import pytest
 
 from comparisons.metrics.trace import observed_order
 from comparisons.oracles.impact import impact
+from gpudem.driver import simulate as run
 from gpudem.scene import Scene
-from gpudem.simulation import run
-from gpudem.spec import Spec
+from gpudem.solver.spec import Spec
 from tests.gpudem.beds import falling_bed, gas
 
 CONTACT_TIME = 7e-4

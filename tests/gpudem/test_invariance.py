@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from gpudem.driver import simulate as run
 from gpudem.scene import Scene
-from gpudem.simulation import run
-from gpudem.solver import Simulation
-from gpudem.state import masses
+from gpudem.solver.solver import Solver
 from tests.gpudem.beds import PAIRS, falling_bed, finish, gas, same
 
 
 def final(scene: Scene, **options) -> dict[str, np.ndarray]:
-    simulation = Simulation(scene, **options)
+    simulation = Solver(scene, **options)
     frame = finish(simulation)
     assert simulation.neighbors.rebuilds > 10
     return frame
@@ -20,7 +19,7 @@ def final(scene: Scene, **options) -> dict[str, np.ndarray]:
 
 def blocks(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
     """Cuts the half list into blocks of this many particles."""
-    monkeypatch.setattr("gpudem.solver.block_size", lambda n, layers: size)
+    monkeypatch.setattr("gpudem.solver.solver.block_size", lambda n, layers: size)
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +50,8 @@ def test_new_order_and_blocks_at_a_gate_are_only_rounding(threads, monkeypatch):
     plain = final(short, threads=1)
     extents = iter([(1.0, 2.0, 3.0), (3.0, 1.0, 2.0)])
     sizes = iter([400, 90])
-    monkeypatch.setattr("gpudem.solver.layers_of_cells", lambda x, rate: np.array(next(extents)))
-    monkeypatch.setattr("gpudem.solver.block_size", lambda n, layers: next(sizes))
+    monkeypatch.setattr("gpudem.solver.solver.layers_of_cells", lambda x, rate: np.array(next(extents)))
+    monkeypatch.setattr("gpudem.solver.solver.block_size", lambda n, layers: next(sizes))
     # the constructor chooses once, then the gate's removal
     turned = final(short, threads=threads)
     for column in ("position", "velocity", "angular_velocity"):
@@ -166,7 +165,7 @@ def test_rotation_of_a_free_cluster():
 def test_momentum_of_an_elastic_gas():
     """Catches forces that are not opposite and a wrong image at periodic sides."""
     scene = gas()
-    mass = masses(scene)[:, None]
+    mass = scene.masses[:, None]
     end, velocity = final(scene), scene.state.velocity
     change = (mass * end["velocity"]).sum(axis=0) - (mass * velocity).sum(axis=0)
     assert np.abs(change).max() < 1e-14 * (mass * np.abs(velocity)).sum()
@@ -197,7 +196,7 @@ def test_angular_momentum_of_a_free_cluster():
                      for i in range(2) for j in range(2) for k in range(2)],
         "velocity": np.random.default_rng(4).normal(0, 0.3, (8, 3)),
     }, time={"step": 2e-6, "duration": 2e-3})  # fmt: skip
-    mass = masses(scene)[:, None]
+    mass = scene.masses[:, None]
 
     def angular(f: dict[str, np.ndarray]) -> np.ndarray:
         inertia = 0.4 * mass * f["radius"][:, None] ** 2
@@ -213,7 +212,7 @@ def test_angular_momentum_of_a_free_cluster():
 
 
 def final_free(scene: Scene) -> dict[str, np.ndarray]:
-    simulation = Simulation(scene)
+    simulation = Solver(scene)
     simulation.start()
     simulation.advance(scene.n_steps - 1)
     simulation.write_step()

@@ -1,12 +1,12 @@
 """What a scene does not need is not there: no array, and no code that could touch one."""
 
-from gpudem.solver import Simulation
-from gpudem.spec import Spec
+from gpudem.solver.solver import Solver
+from gpudem.solver.spec import Spec
 from tests.gpudem.beds import PAIRS, falling_bed, gas
 
 
 def arrays(scene) -> set[str]:
-    simulation = Simulation(scene)
+    simulation = Solver(scene)
     simulation.start()
     return set(simulation.memory_bytes())
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gpudem.neighbor_list import NeighborList, block_size, cell_grid
 from gpudem.scene import Scene
-from gpudem.solver import Simulation
+from gpudem.solver.neighbor_list import NeighborList, block_size, cell_grid
+from gpudem.solver.solver import Solver
 from tests.gpudem.beds import MATERIALS
 
 PAIR = [{"materials": ("ball", "ball"), "restitution": 0.9, "friction": 0.0}]
@@ -23,7 +23,7 @@ def cloud(
     )  # fmt: skip
 
 
-def listed_pairs(simulation: Simulation) -> set[tuple[int, int]]:
+def listed_pairs(simulation: Solver) -> set[tuple[int, int]]:
     """What the list stands for, in both orders; a half list leaves out j before i in the same block."""
     p = simulation.state.particles
     ids, start = p.id.numpy(), p.start.numpy()
@@ -44,7 +44,7 @@ def listed_pairs(simulation: Simulation) -> set[tuple[int, int]]:
 def half_list(request, monkeypatch) -> bool:
     """The list of a CUDA device, of the CPU, and of the CPU with many particles."""
     if request.param == "half in blocks":
-        monkeypatch.setattr("gpudem.solver.block_size", lambda n, layers: 60)
+        monkeypatch.setattr("gpudem.solver.solver.block_size", lambda n, layers: 60)
     return request.param != "full"
 
 
@@ -74,7 +74,7 @@ def test_equals_all_pairs(ratio, size, periodic, half_list):
     rng = np.random.default_rng(ratio)
     radii = np.full(400, 0.003) if ratio == 1 else 0.1 * size[0] * ratio ** -rng.uniform(0, 1, 400)
     scene = cloud(radii, size, periodic, seed=ratio)
-    simulation = Simulation(scene, half_list=half_list)
+    simulation = Solver(scene, half_list=half_list)
     simulation.neighbors.rebuild()
     expected = all_pairs(scene)
     assert len(listed_pairs(simulation) ^ expected) == 0  # as a set it would be printed for minutes
@@ -84,7 +84,7 @@ def test_equals_all_pairs(ratio, size, periodic, half_list):
 def test_list_grows(half_list):
     """2000 neighbours a particle do not fit the first allocation."""
     scene = cloud(np.full(300, 0.003), (0.01, 0.01, 0.01), (False, False, False), seed=1)
-    simulation = Simulation(scene, half_list=half_list)
+    simulation = Solver(scene, half_list=half_list)
     simulation.neighbors.rebuild()
     assert len(listed_pairs(simulation) ^ all_pairs(scene)) == 0
     assert simulation.neighbors.capacity > 16 * 300
@@ -119,7 +119,7 @@ def test_springs_outlive_a_list_that_grows(monkeypatch, half_list):
 
         with monkeypatch.context() as patch:
             patch.setattr(NeighborList, "_allocate", roomy)
-            simulation = Simulation(layers(), threads=1, half_list=half_list)
+            simulation = Solver(layers(), threads=1, half_list=half_list)
             simulation.start()
             simulation.advance(layers().n_steps - 1)
             simulation.write_step()
@@ -143,7 +143,7 @@ def test_sorted_slowest_along_the_longest_extent():
     """Catches layers taken from the domain, which may be mostly empty, or the longest axis sorted fastest."""
     scene = cloud(np.full(400, 0.003), (0.3, 0.05, 0.1), (False, False, False), seed=3)
     wide = scene.replace(domain={"lo": (0, 0, 0), "hi": (0.3, 0.05, 3.0)})
-    simulation = Simulation(wide)
+    simulation = Solver(wide)
     simulation.neighbors.rebuild()
     assert simulation.neighbors.choices()["slowest_first"] == "xzy"
     x = simulation.state.now.numpy()["position"][:, 0]

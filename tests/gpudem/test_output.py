@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from gpudem.run import HISTORY_COLUMNS, Run
-from gpudem.simulation import run
-from gpudem.state import masses
+from gpudem.driver import simulate as run
+from gpudem.output.run import HISTORY_COLUMNS, Run
 from tests.gpudem.beds import falling_bed
 
 #: Walls at the end: the gate has gone.
@@ -31,7 +30,7 @@ def test_frame_trace_and_history_agree(bed_run):
     frame, row = bed_run.frames[-1], bed_run.history.iloc[-1]
     assert np.array_equal(frame["position"], bed_run.trace["position"][-1])
     assert np.array_equal(frame["velocity"], bed_run.trace["velocity"][-1])
-    mass = masses(bed_run.scene)
+    mass = bed_run.scene.masses
     assert row.kinetic_energy == pytest.approx(0.5 * mass @ (frame["velocity"] ** 2).sum(axis=1), rel=1e-14)
     assert row.potential_energy == pytest.approx(9.81 * mass @ frame["position"][:, 2], rel=1e-13)
     d = frame["position"][:, None] - frame["position"][None]

@@ -6,8 +6,8 @@ Catches: an overlap taken as a difference in float32, a velocity or position add
 import numpy as np
 import pytest
 
+from gpudem.driver import simulate as run
 from gpudem.scene import Scene
-from gpudem.simulation import run
 from tests.gpudem.beds import gas
 from tests.reference.emulator import emulate
 from tests.reference.scenes import AGREEMENT

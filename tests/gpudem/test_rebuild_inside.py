@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from gpudem.device import wp
 from gpudem.errors import SimulationError
-from gpudem.neighbor_list import NeighborList
-from gpudem.scan import GROUP, ExclusiveScan
 from gpudem.scene import Scene
-from gpudem.solver import Simulation
+from gpudem.solver.device import wp
+from gpudem.solver.neighbor_list import NeighborList
+from gpudem.solver.scan import GROUP, ExclusiveScan
+from gpudem.solver.solver import Solver
 from tests.gpudem.beds import falling_bed, finish, same
 from tests.gpudem.test_failures import escaping
 from tests.gpudem.test_neighbor_list import layers
@@ -17,7 +17,7 @@ from tests.gpudem.test_vibration import shaken_bed
 
 def end(scene: Scene, graphs: bool = False, **options) -> tuple[dict[str, np.ndarray], int]:
     """The last frame, and how many rebuilds there were."""
-    simulation = Simulation(scene, **{"threads": 1, "half_list": False, **options})
+    simulation = Solver(scene, **{"threads": 1, "half_list": False, **options})
     simulation.graphs = graphs
     frame = finish(simulation)
     assert bool(simulation._graphs) == graphs

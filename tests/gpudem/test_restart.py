@@ -8,12 +8,13 @@ closes again.
 import numpy as np
 import pytest
 
+from gpudem.driver import resume
+from gpudem.driver import simulate as run
 from gpudem.errors import GpudemError, SimulationError
-from gpudem.restart import FILE, Restart
-from gpudem.run import Run
+from gpudem.output.restart import FILE, Restart
+from gpudem.output.run import Run
 from gpudem.scene import Scene
-from gpudem.simulation import resume, run
-from gpudem.solver import Simulation
+from gpudem.solver.solver import Solver
 from tests.gpudem.beds import PAIRS, falling_bed, gas, same
 
 ROLLS = [{**p, "rolling_friction": 0.2} for p in PAIRS]
@@ -31,7 +32,7 @@ def stopped_and_resumed(scene: Scene, directory, at: int, **options) -> Run:
             raise Stopped
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gpudem.simulation._Clock.__exit__", _reporting(stop))
+        patch.setattr("gpudem.driver._Clock.__exit__", _reporting(stop))
         with pytest.raises(Stopped):
             run(scene, directory)
     assert Restart.load(directory).step <= at
@@ -39,7 +40,7 @@ def stopped_and_resumed(scene: Scene, directory, at: int, **options) -> Run:
 
 
 def _reporting(look):
-    from gpudem.simulation import _Clock
+    from gpudem.driver import _Clock
 
     plain = _Clock.__exit__
 
@@ -120,10 +121,10 @@ def test_a_broken_file(tmp_path):
 
 
 def test_a_state_of_another_scene():
-    simulation = Simulation(falling_bed(50))
+    simulation = Solver(falling_bed(50))
     simulation.start()
-    other = Simulation(falling_bed(50), half_list=False)
+    other = Solver(falling_bed(50), half_list=False)
     with pytest.raises(SimulationError, match="another scene, precision or kind of device"):
         other.resume(simulation.saved())
     with pytest.raises(SimulationError, match="another scene"):
-        Simulation(gas()).resume(simulation.saved())
+        Solver(gas()).resume(simulation.saved())

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gpudem.driver import simulate as run
 from gpudem.errors import SceneError
 from gpudem.scene import Scene
-from gpudem.simulation import run
-from gpudem.solver import Simulation
-from gpudem.spec import Spec
-from gpudem.time_scales import contact_time
+from gpudem.scene.time_step import contact_time
+from gpudem.solver.solver import Solver
+from gpudem.solver.spec import Spec
 from tests.gpudem.beds import falling_bed, finish, same
 from tests.gpudem.test_restart import stopped_and_resumed
 
@@ -165,7 +165,7 @@ def test_bit_identical(options, amplitude):
     """Cores, and launches between two looks: a saw-tooth moves within a chunk too."""
     scene, ends = shaken_bed(2500, amplitude, time={"step": 4e-5, "duration": 0.04}), []
     for more in ({"threads": 1}, options):
-        simulation = Simulation(scene, **more)
+        simulation = Solver(scene, **more)
         ends.append((finish(simulation), simulation.wall_work()))
     (one, work), (other, other_work) = ends
     same(one, other)
@@ -212,7 +212,7 @@ def test_only_who_vibrates_pays():
     assert not plain.vibration
     assert shaken.vibration
     for scene, there in ((ball(0.8), False), (ball(0.8, vibration=FAST), True)):
-        simulation = Simulation(scene)
+        simulation = Solver(scene)
         simulation.start()
         assert ("particles.wall_rise" in simulation.memory_bytes()) is there
     assert run(ball(0.8)).history.get("work") is None
@@ -241,7 +241,7 @@ def test_refused():
 def test_resumed_in_mid_contact():
     """A ball on the fast floor at the restart: who forgets the rise lets it fall through the touch again."""
     scene = ball(0.8, 100, FAST)
-    whole = Simulation(scene)
+    whole = Solver(scene)
     whole.start()
     for _ in range(scene.n_steps):
         whole.advance(1)
@@ -249,7 +249,7 @@ def test_resumed_in_mid_contact():
             break
     else:
         raise AssertionError("the ball never came onto the floor")
-    other = Simulation(scene)
+    other = Solver(scene)
     other.resume(whole.saved())
     for s in (whole, other):
         s.advance(200)

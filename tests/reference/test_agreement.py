@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from gpudem.run import TRACE_COLUMNS
+from gpudem.output.run import TRACE_COLUMNS
 from reference import liggghts as code
 from reference.liggghts import dump
 from reference.liggghts.deck import TRACE, render

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gpudem.run import HISTORY_COLUMNS, Run
+from gpudem.output.run import HISTORY_COLUMNS, Run
 from reference import liggghts as code
 from reference.liggghts import dump
 from reference.liggghts.deck import RAW, TRACE, render

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gpudem.frames import FrameWriter
+from gpudem.output.frames import FrameWriter
 from gpudem.run import HISTORY_COLUMNS, Run, Timing
 from gpudem.scene import Scene
 

@@ -17,13 +17,13 @@ from typing import Any
 
 import warp as wp
 
-from gpudem.arrays import access
-from gpudem.body import body_reader, body_struct, body_writer
 from gpudem.contact.law import contact_law, damping_force
-from gpudem.geometry import contact_geometry, nearest_image
-from gpudem.spec import Spec
-from gpudem.state import structs
-from gpudem.walls import distance_now, plane_distance
+from gpudem.solver.arrays import access
+from gpudem.solver.body import body_reader, body_struct, body_writer
+from gpudem.solver.geometry import contact_geometry, nearest_image
+from gpudem.solver.spec import Spec
+from gpudem.solver.state import structs
+from gpudem.solver.wall_table import distance_now, plane_distance
 
 #: Mode bits. SETUP: velocities are at the full step, springs only evaluated. WRITE: keep forces, velocities.
 SETUP, WRITE = wp.constant(1), wp.constant(2)

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gpudem.errors import GpudemError
-from gpudem.frames import Frame, FrameWriter
-from gpudem.restart import Restart
-from gpudem.run import HISTORY_COLUMNS, TRACE_COLUMNS
+from gpudem.output.frames import FrameWriter
+from gpudem.output.restart import Restart
+from gpudem.output.run import HISTORY_COLUMNS, TRACE_COLUMNS
+from gpudem.output.vtu import Frame
 from gpudem.scene import Scene
-from gpudem.state import masses
 
 if TYPE_CHECKING:
     import pandas
@@ -42,7 +42,7 @@ class Recorder:
     """
 
     def __init__(self, scene: Scene, directory: Path | None, resumed: Restart | None = None):
-        self.scene, self.mass = scene, masses(scene)
+        self.scene, self.mass = scene, scene.masses
         output = scene.output
         self.frame_stride = scene.frame_stride if directory is not None else None
         self.trace_stride, self.history_stride = (

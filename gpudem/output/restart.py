@@ -2,7 +2,7 @@
 
 DIRECTORY/restart.npz is written at every `output.restart_every` and replaced by the next one. It holds the
 scene, the device arrays as they are (order, lists, shear springs, rolling torques, half-step velocities) and
-what has been recorded so far; `gpudem.simulation.resume` reads it.
+what has been recorded so far; `gpudem.driver.resume` reads it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Restart:
     scene: Scene
     step: int
     arrays: dict[str, np.ndarray]
-    """Of the solver, by the names of `Simulation.saved`."""
+    """Of the solver, by the names of `Solver.saved`."""
     recorded: dict[str, np.ndarray]
     """History and trace up to `step`, by the names of `Recorder.saved`."""
     seconds: dict[str, float]

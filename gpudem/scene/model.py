@@ -2,7 +2,7 @@
 
 A scene carries primary inputs only (young, poisson, restitution, ...); each code derives its own
 coefficients from them. `Scene.from_toml`, `Scene.from_json` and the constructor give the same object.
-The sections and their keys are in `gpudem.sections`.
+The sections and their keys are in `gpudem.scene.sections`.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
-from gpudem import scene_checks, scene_io, time_scales
 from gpudem.errors import SceneError
-from gpudem.fields import Model, Name, Vector, vector
-from gpudem.packing import InitialState, lattice, read_particles
-from gpudem.sections import (
+from gpudem.scene import checks, files, time_step
+from gpudem.scene.packing import InitialState, lattice
+from gpudem.scene.particle_files import read_particles
+from gpudem.scene.sections import (
     Box,
     Contact,
     Domain,
@@ -35,32 +35,10 @@ from gpudem.sections import (
     Output,
     Pair,
     Plane,
-    RadiusShare,
-    Side,
     Solver,
     Time,
-    Vibration,
 )
-
-__all__ = [
-    "Box",
-    "Contact",
-    "Domain",
-    "Explicit",
-    "FromFile",
-    "Lattice",
-    "Material",
-    "Needs",
-    "Output",
-    "Pair",
-    "Plane",
-    "RadiusShare",
-    "Scene",
-    "Side",
-    "Solver",
-    "Time",
-    "Vibration",
-]
+from gpudem.scene.types import Model, Name, Vector, vector
 
 
 def _along(axis: int, value: float) -> Vector:
@@ -90,15 +68,15 @@ class Scene(Model):
     """Checks and guards waived by name for this scene."""
 
     def __init__(self, /, _source: str = "<python>", **data: Any):
-        automatic, data = scene_io.take_auto_step(data)
+        automatic, data = files.take_auto_step(data)
         try:
             BaseModel.__init__(self, **data)
         except ValidationError as error:
-            found = scene_io.problems(error, Scene)
-            valid, invalid = scene_io.partial(Scene, data)
-            raise SceneError(_source, found + scene_checks.problems(valid, invalid)) from None
+            found = files.problems(error, Scene)
+            valid, invalid = files.partial(Scene, data)
+            raise SceneError(_source, found + checks.problems(valid, invalid)) from None
         waived = ("time",) if automatic else ()
-        found = scene_checks.problems(self, waived)
+        found = checks.problems(self, waived)
         if automatic and self.time.accuracy is None:
             found.append('time.accuracy: missing; step = "auto" needs it: 1e-06 <= value <= 0.1 [1]')
         if found:
@@ -109,9 +87,9 @@ class Scene(Model):
     def _resolve_step(self, source: str) -> None:
         """Put the step that the accuracy needs in the place of "auto". Raises SceneError: too long."""
         assert self.time.accuracy is not None
-        step = time_scales.step_for(self, self.time.accuracy)
+        step = time_step.step_for(self, self.time.accuracy)
         object.__setattr__(self, "time", self.time.model_copy(update={"step": step}))
-        found = scene_checks.problems(self)
+        found = checks.problems(self)
         if found:
             raise SceneError(source, found)
 
@@ -126,12 +104,12 @@ class Scene(Model):
     @classmethod
     def from_toml(cls, path: str | Path) -> Scene:
         """Read a scene file; relative particle paths count from its folder. Raises SceneError."""
-        return cls(_source=str(path), **scene_io.read_toml(Path(path)))
+        return cls(_source=str(path), **files.read_toml(Path(path)))
 
     @classmethod
     def from_json(cls, text: str, source: str = "<json>") -> Scene:
         """Read what `to_json` wrote. Raises SceneError."""
-        return cls(_source=source, **scene_io.parse_json(text, source))
+        return cls(_source=source, **files.parse_json(text, source))
 
     def to_json(self) -> str:
         """The resolved scene as JSON, floats with 17 digits."""
@@ -170,6 +148,12 @@ class Scene(Model):
         if isinstance(p, FromFile):
             return read_particles(Path(p.path), p.radius, self.material_index[p.material])
         return InitialState.from_explicit(p, self.material_index)
+
+    @functools.cached_property
+    def masses(self) -> np.ndarray:
+        """Mass of every particle [kg], 4/3 pi R^3 rho, shape (n,)."""
+        density = np.array([m.density for m in self.materials.values()])
+        return 4 / 3 * np.pi * self.state.radius**3 * density[self.state.material]
 
     @functools.cached_property
     def material_index(self) -> dict[str, int]:

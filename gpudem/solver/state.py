@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from gpudem.body import body_struct
 from gpudem.contact.types import REAL, WIDE, pair_struct
 from gpudem.scene import Scene
-from gpudem.spec import Spec
+from gpudem.solver.body import body_struct
+from gpudem.solver.spec import Spec
 
 
 @functools.cache
@@ -141,7 +141,7 @@ class State:
         p.id = wp.array(np.arange(n, dtype=np.int32), device=device)
         index = {scene.material_index[name]: k for k, name in enumerate(scene.particle_materials)}
         material = np.array([index[m] for m in initial.material.tolist()], np.int32)
-        mass = masses(scene)
+        mass = scene.masses
         if spec.several_radii:
             p.radius = wp.array(initial.radius, dtype=t.wide, device=device)
         if spec.several_masses:
@@ -204,9 +204,3 @@ class State:
                 if isinstance(value, wp.array) and value.size:
                     found[f"{group}.{name}"] = value
         return found
-
-
-def masses(scene: Scene) -> np.ndarray:
-    """Mass of every particle [kg], 4/3 pi R^3 rho, shape (n,)."""
-    density = np.array([m.density for m in scene.materials.values()])
-    return 4 / 3 * np.pi * scene.state.radius**3 * density[scene.state.material]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from gpudem.scene import Scene
+    from gpudem.scene.model import Scene
 
 #: What is usual in the field at most: shares of the Rayleigh time and of the contact time (20 steps).
 USUAL_RAYLEIGH, USUAL_CONTACT = 0.2, 0.05

@@ -8,19 +8,19 @@ from pathlib import Path
 
 import warp
 
-from gpudem import guards, scene_checks
-from gpudem.observe import Recorder
+from gpudem.output.recorder import Recorder
+from gpudem.output.restart import Restart
+from gpudem.output.run import Run, Timing
 from gpudem.process import peak_memory, version
-from gpudem.restart import Restart
-from gpudem.run import Run, Timing
-from gpudem.scene import Scene
-from gpudem.solver import Simulation
+from gpudem.scene import Scene, checks
+from gpudem.solver import guards
+from gpudem.solver.solver import Solver
 
 #: Steps between two looks at the clock, for progress.
 CHUNK = 64
 
 
-def run(
+def simulate(
     scene: Scene,
     directory: str | Path | None = None,
     *,
@@ -67,7 +67,7 @@ def resume(
 ) -> Run:
     """Go on from DIRECTORY/restart.npz; on the same kind of device to the last bit as if never stopped.
 
-    Frames after the restart's step are written anew. Arguments, result and errors as in `run`.
+    Frames after the restart's step are written anew. Arguments, result and errors as in `simulate`.
 
     Raises:
         GpudemError: no restart file, or a broken one.
@@ -87,7 +87,7 @@ def _run(
 ) -> Run:
     recorder = Recorder(scene, path, restart)
     begin = time.perf_counter()
-    simulation = Simulation(scene, device, threads, everything=everything)
+    simulation = Solver(scene, device, threads, everything=everything)
     setup_s = time.perf_counter() - begin - simulation.compile_s
     clock = _Clock(progress)
     notes: dict[str, object] = {}
@@ -126,7 +126,7 @@ def _run(
                 precision=scene.solver.precision,
                 peak_memory_bytes=peak_memory(),
             ),
-            warnings=scene_checks.step_warnings(scene) + guards.energy_warnings(scene, recorder.history),
+            warnings=checks.step_warnings(scene) + guards.energy_warnings(scene, recorder.history),
             notes=notes,
             trace=recorder.trace,
             history=recorder.history,
@@ -138,7 +138,7 @@ def _run(
 
 
 def _segments(
-    simulation: Simulation, recorder: Recorder, clock: _Clock, path: Path | None, restart: Restart | None
+    simulation: Solver, recorder: Recorder, clock: _Clock, path: Path | None, restart: Restart | None
 ) -> None:
     """Between gate removals: set-up, then steps up to each output, the last one with full-step velocities."""
 
@@ -183,13 +183,13 @@ class _Clock:
         self.setup_s = self.stepping_s = self.output_s = 0.0
         self._progress, self._reported = progress, 0.0
         self._begin, self._attribute = 0.0, ""
-        self._simulation: Simulation | None = None
+        self._simulation: Solver | None = None
 
-    def setup(self, simulation: Simulation) -> _Clock:
+    def setup(self, simulation: Solver) -> _Clock:
         self._attribute, self._simulation = "setup_s", simulation
         return self
 
-    def stepping(self, simulation: Simulation) -> _Clock:
+    def stepping(self, simulation: Solver) -> _Clock:
         self._attribute, self._simulation = "stepping_s", simulation
         return self
 

@@ -11,7 +11,7 @@ import warp as wp
 
 from gpudem.contact.coefficients import pair_coefficients
 from gpudem.scene import Plane, Scene
-from gpudem.state import State, structs
+from gpudem.solver.state import State, structs
 
 #: Bits of one int32 mark which planes a particle touches.
 MAX_PLANES = 31

@@ -11,8 +11,8 @@ import functools
 from typing import Any
 
 from gpudem.contact.types import WIDE
-from gpudem.device import wp
-from gpudem.spec import Spec
+from gpudem.solver.device import wp
+from gpudem.solver.spec import Spec
 
 #: Bytes that one load of a CUDA thread takes at most.
 WORD = 16

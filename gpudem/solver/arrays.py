@@ -7,7 +7,7 @@ the caller's responsibility: whole arrays (never a slice with a stride), 0 <= i 
 import functools
 from typing import Any, NamedTuple
 
-from gpudem.device import wp
+from gpudem.solver.device import wp
 
 
 class Access(NamedTuple):

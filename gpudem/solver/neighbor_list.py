@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from gpudem import guards
-from gpudem.crew import Crew
 from gpudem.errors import SimulationError
-from gpudem.neighbors import (
+from gpudem.scene import Scene
+from gpudem.solver import guards
+from gpudem.solver.neighbor_kernels import (
     DEEP_IN_WALL,
     HITS,
     LOST,
@@ -26,9 +26,9 @@ from gpudem.neighbors import (
     gather_kernel,
     list_kernel,
 )
-from gpudem.scan import ExclusiveScan, group_starts, group_sums
-from gpudem.scene import Scene
-from gpudem.state import State
+from gpudem.solver.scan import ExclusiveScan, group_starts, group_sums
+from gpudem.solver.state import State
+from gpudem.solver.thread_pool import Crew
 
 
 def cell_grid(scene: Scene) -> tuple[tuple[int, int, int], np.ndarray]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, Discriminator, Field, StrictBool, Tag
 
-from gpudem.fields import Model, Name, Vector, array, each, names, number, positive, vector
+from gpudem.scene.types import Model, Name, Vector, array, each, names, number, positive, vector
 
 Side = Literal["xlo", "xhi", "ylo", "yhi", "zlo", "zhi"]
 
@@ -183,7 +183,7 @@ class Time(Model):
     """Time step and length of a run."""
 
     step: Annotated[float, positive("s")]
-    """Or "auto": the scene resolves it to the step that `accuracy` needs (`gpudem.time_scales.step_for`)."""
+    """Or "auto": the step that `accuracy` needs (`gpudem.scene.time_step.step_for`)."""
     duration: Annotated[float, positive("s")]
     accuracy: Annotated[float, number("1", 1e-6, 0.1)] | None = None
     """Of step = "auto": largest position error in a contact, as a share of its largest overlap."""

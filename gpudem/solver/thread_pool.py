@@ -14,7 +14,7 @@ from typing import Any
 
 import warp as wp
 
-from gpudem.device import cores
+from gpudem.solver.device import cores
 
 
 class Crew:

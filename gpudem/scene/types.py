@@ -18,6 +18,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 from pydantic_core import CoreSchema, core_schema
 
 from gpudem.errors import SceneError
+from gpudem.scene.files import problems
 
 #: Names travel into file names and LIGGGHTS decks (which can run shell commands): letters, digits, _ only.
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
@@ -48,9 +49,7 @@ class Model(BaseModel):
         try:
             super().__init__(**data)
         except ValidationError as error:
-            from gpudem import scene_io
-
-            raise SceneError(type(self).__name__, scene_io.problems(error, type(self))) from None
+            raise SceneError(type(self).__name__, problems(error, type(self))) from None
 
     # Tells pydantic to build nested sections without this __init__, so that one error lists all problems.
     setattr(__init__, "__pydantic_base_init__", True)  # noqa: B010

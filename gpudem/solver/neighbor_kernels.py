@@ -11,12 +11,12 @@ from typing import Any
 
 import warp as wp
 
-from gpudem.arrays import access
-from gpudem.body import body_struct
-from gpudem.geometry import nearest_image
-from gpudem.spec import Spec
-from gpudem.state import structs
-from gpudem.walls import plane_distance
+from gpudem.solver.arrays import access
+from gpudem.solver.body import body_struct
+from gpudem.solver.geometry import nearest_image
+from gpudem.solver.spec import Spec
+from gpudem.solver.state import structs
+from gpudem.solver.wall_table import plane_distance
 
 #: Neighbours of a particle that the count remembers for the fill; one with more is searched again.
 HITS = wp.constant(24)

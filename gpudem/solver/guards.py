@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gpudem.state import masses
-
 if TYPE_CHECKING:
     import pandas
 
@@ -57,7 +55,7 @@ def energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]
     if history is None or not closed or len(history) < 2:
         return []
     energy = history[["kinetic_energy", "rotational_energy", "potential_energy"]].to_numpy().sum(axis=1)
-    fall = float(masses(scene) @ (2 * scene.state.radius)) * float(np.linalg.norm(scene.gravity))
+    fall = float(scene.masses @ (2 * scene.state.radius)) * float(np.linalg.norm(scene.gravity))
     kinetic = float(history.kinetic_energy.iloc[0] + history.rotational_energy.iloc[0])
     growth = (energy - energy[0]) / max(kinetic + fall, 1e-300)
     if not growth.max() > MAX_GROWTH:

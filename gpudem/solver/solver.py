@@ -16,23 +16,23 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from gpudem import guards
-from gpudem.crew import Crew
-from gpudem.device import cores, find_device
 from gpudem.errors import SimulationError
-from gpudem.frames import Frame
-from gpudem.kernels import SETUP, WRITE, step_kernel
-from gpudem.neighbor_list import NeighborList, block_size, cell_grid, layers_of_cells
+from gpudem.output.vtu import Frame
 from gpudem.scene import Plane, Scene
-from gpudem.spec import Spec
-from gpudem.state import State, masses
-from gpudem.walls import pair_entries, pair_table, wall_table
+from gpudem.solver import guards
+from gpudem.solver.device import cores, find_device
+from gpudem.solver.neighbor_list import NeighborList, block_size, cell_grid, layers_of_cells
+from gpudem.solver.spec import Spec
+from gpudem.solver.state import State
+from gpudem.solver.step_kernel import SETUP, WRITE, step_kernel
+from gpudem.solver.thread_pool import Crew
+from gpudem.solver.wall_table import pair_entries, pair_table, wall_table
 
 #: Steps launched as one CUDA graph between two looks of the host.
 CUDA_CHUNK = 32
 
 
-class Simulation:
+class Solver:
     """One scene on one device. `step_count` steps are done; after `write` the full-step state can be read.
 
     With `rebuild_inside`, as on a CUDA device whose graphs can branch, the list is rebuilt between launches
@@ -96,7 +96,7 @@ class Simulation:
         p.speed_limit = guards.speed_limit(scene) ** 2
         p.overlap_limit = guards.overlap_limit(scene)
         p.skin, p.move_limit = scene.skin, (scene.skin / 2) ** 2
-        p.radius, p.mass = float(scene.state.radius.max()), float(masses(scene)[0])
+        p.radius, p.mass = float(scene.state.radius.max()), float(scene.masses[0])
         p.kick = 0.5 * scene.time.step / p.mass
         p.spin_kick = 0.5 * scene.time.step / (0.4 * p.radius * p.radius * p.mass)
         p.n, p.planes, p.materials = self.state.n, self.state.planes, len(scene.particle_materials)

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gpudem.errors import GpudemError
-from gpudem.time_scales import USUAL_CONTACT, USUAL_RAYLEIGH, contact_time, rayleigh_time
+from gpudem.scene.time_step import USUAL_CONTACT, USUAL_RAYLEIGH, contact_time, rayleigh_time
 
 if TYPE_CHECKING:
-    from gpudem.scene import Scene
+    from gpudem.scene.model import Scene
 
 #: Overlap at the start beyond this share of the smaller radius is an error (a settled bed has about 1 %).
 MAX_START_OVERLAP = 0.1

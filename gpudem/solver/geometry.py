@@ -7,8 +7,8 @@ from typing import Any
 import warp as wp
 
 from gpudem.contact.types import contact_struct
-from gpudem.spec import Spec
-from gpudem.state import structs
+from gpudem.solver.spec import Spec
+from gpudem.solver.state import structs
 
 
 @functools.cache

@@ -1,0 +1,71 @@
+"""VTU frames and the .pvd that lists them with physical time: the output of every code, and its reader.
+
+A frame is a table: column name -> array, in order of particle id. Columns: id, material, position [m],
+velocity [m/s], angular_velocity [rad/s], radius [m], force [N], torque [N m].
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gpudem.errors import GpudemError
+
+Frame = dict[str, np.ndarray]
+
+PVD = "run.pvd"
+
+
+class FrameError(GpudemError):
+    """A frame file is missing, truncated or not what it should be."""
+
+
+def write_vtu(path: Path, frame: Frame) -> None:
+    """One frame as binary XML unstructured grid of vertices; points and the array `position` are float64."""
+    import meshio
+
+    n = len(frame["position"])
+    data: dict[str, Any] = {k: np.ascontiguousarray(v) for k, v in frame.items()}
+    mesh = meshio.Mesh(data["position"], [("vertex", np.arange(n).reshape(-1, 1))], point_data=data)
+    partial = path.with_suffix(".part")
+    mesh.write(partial, file_format="vtu", binary=True, compression=None)
+    partial.replace(path)  # a killed run leaves no half-written frame under its final name
+
+
+def read_vtu(path: Path) -> Frame:
+    """The arrays of a .vtu file as they stand in it. Raises FrameError naming the file."""
+    import meshio
+
+    if not path.is_file():
+        raise FrameError(f"{path}: no such frame")
+    try:
+        mesh = meshio.read(path, file_format="vtu")
+    except (Exception, SystemExit) as error:  # meshio raises many kinds, and exits on some broken files
+        raise FrameError(f"{path}: truncated or corrupted VTU ({type(error).__name__}: {error})") from error
+    return {"points": np.asarray(mesh.points), **{k: np.asarray(v) for k, v in mesh.point_data.items()}}
+
+
+def write_pvd(path: Path, entries: list[tuple[float, int, str]]) -> None:
+    """A ParaView collection of (time [s], part, file)."""
+    root = ElementTree.Element("VTKFile", type="Collection", version="0.1", byte_order="LittleEndian")
+    collection = ElementTree.SubElement(root, "Collection")
+    for time, part, name in entries:
+        ElementTree.SubElement(collection, "DataSet", timestep=repr(time), part=str(part), file=name)
+    ElementTree.indent(root)
+    partial = path.with_suffix(".part")
+    ElementTree.ElementTree(root).write(partial, xml_declaration=True)
+    partial.replace(path)
+
+
+def read_pvd(path: Path) -> list[tuple[float, int, str]]:
+    """What `write_pvd` wrote. Raises FrameError if it is missing or broken."""
+    if not path.is_file():
+        raise FrameError(f"{path}: no such file; the run wrote no frames here")
+    try:
+        sets = ElementTree.parse(path).getroot().findall("Collection/DataSet")
+        return [(float(s.attrib["timestep"]), int(s.attrib["part"]), s.attrib["file"]) for s in sets]
+    except (ElementTree.ParseError, KeyError, ValueError) as error:
+        raise FrameError(f"{path}: truncated or corrupted ({type(error).__name__}: {error})") from error
