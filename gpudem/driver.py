@@ -28,7 +28,7 @@ def simulate(
     threads: int | None = None,
     precision: str | None = None,
     integrator: str | None = None,
-    everything: bool = False,
+    specialize: bool = True,
     progress: Callable[[int], None] | None = None,
 ) -> Run:
     """Simulate a scene; with a directory, frames and tables are written there as it goes.
@@ -40,8 +40,8 @@ def simulate(
         threads: CPU threads; default: one for each core, fewer for few particles.
         precision: Overrides the scene's.
         integrator: Overrides the scene's.
-        everything: Carry what any scene may have, though this one does not need it: slower, for measuring
-            what leaving out buys.
+        specialize: False: carry what any scene may have, though this one does not need it: slower, to measure
+            what specialisation saves.
         progress: Called with the number of steps done, a few times a second.
 
     Returns:
@@ -55,7 +55,7 @@ def simulate(
     if any(overrides.values()):
         scene = scene.replace(solver={k: v for k, v in overrides.items() if v})
     path = None if directory is None else Path(directory)
-    return _run(scene, path, device, threads, progress, everything=everything)
+    return _run(scene, path, device, threads, progress, specialize=specialize)
 
 
 def resume(
@@ -83,11 +83,11 @@ def _run(
     threads: int | None,
     progress: Callable[[int], None] | None,
     restart: Restart | None = None,
-    everything: bool = False,
+    specialize: bool = True,
 ) -> Run:
     recorder = Recorder(scene, path, restart)
     begin = time.perf_counter()
-    simulation = Solver(scene, device, threads, everything=everything)
+    simulation = Solver(scene, device, threads, specialize=specialize)
     setup_s = time.perf_counter() - begin - simulation.compile_s
     clock = _Clock(progress)
     notes: dict[str, object] = {}
@@ -107,7 +107,7 @@ def _run(
         raise
     finally:
         notes |= {"rebuilds": simulation.neighbors.rebuilds, "scene_hash": scene.hash}
-        notes["list"] = simulation.neighbors.choices()
+        notes["list"] = simulation.neighbors.tuning()
         notes["arrays"] = simulation.memory_bytes()
         result = Run(
             code="gpudem",
@@ -122,7 +122,7 @@ def _run(
                 compile_s=simulation.compile_s,
                 output_s=clock.output_s,
                 device=str(simulation.device),
-                cores=simulation.crew.threads,
+                cores=simulation.pool.threads,
                 precision=scene.solver.precision,
                 peak_memory_bytes=peak_memory(),
             ),
@@ -146,7 +146,7 @@ def _segments(
         if path is not None and recorder.restart_due(step):
             with clock.output():
                 recorder.settle()
-                arrays, recorded = simulation.saved(), recorder.saved()
+                arrays, recorded = simulation.state_dict(), recorder.saved()
                 Restart(simulation.scene, step, arrays, recorded, clock.seconds()).save(path)
 
     for first, last, planes in simulation.scene.segments:
@@ -154,7 +154,7 @@ def _segments(
             continue
         with clock.setup(simulation):
             if restart and first <= restart.step:
-                simulation.resume(restart.arrays, planes)
+                simulation.load_state_dict(restart.arrays, planes)
             else:
                 simulation.start(planes, write=first == 0)
         if first == 0 and recorder.due(0) and not restart:

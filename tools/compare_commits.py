@@ -43,7 +43,13 @@ STIFFNESS = {"kn": 4e6, "kt": 5e6, "gamma_n": 3e4, "gamma_t": 1e4}
 BOX = {"kind": "box", "name": "box", "material": "wall", "lo": (0, 0, 0), "hi": (0.1, 0.05, 0.3)}
 GATE = {"kind": "plane", "name": "gate", "material": "wall", "point": (0.05, 0, 0), "normal": (-1, 0, 0)}
 #: Tilted, so that its normal has no zero but one.
-CHUTE = {"kind": "plane", "name": "chute", "material": "wall", "point": (0, 0, -0.002), "normal": (-0.05, 0, 1)}
+CHUTE = {
+    "kind": "plane",
+    "name": "chute",
+    "material": "wall",
+    "point": (0, 0, -0.002),
+    "normal": (-0.05, 0, 1),
+}
 PERIODIC_BOX = {**BOX, "sides": ("zlo", "zhi", "ylo", "yhi")}
 
 

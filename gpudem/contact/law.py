@@ -1,94 +1,159 @@
-"""The whole contact law of a scene, put together from its slots at build time."""
+"""What a contact law is: one object that holds all that is known of it. No arrays, no neighbor list.
 
-import functools
-from typing import Any
+A law fills one slot (normal, tangential, rolling). Its file holds the device function, the coefficients it
+needs from primary inputs, the parameters it reads from the scene, its time scales and its words in LIGGGHTS.
+`gpudem.contact.registry` finds laws by slot and name; other packages add theirs through the entry-point group
+`gpudem.laws`.
+"""
 
-import warp as wp
+from __future__ import annotations
 
-from gpudem.contact.normal import DAMPING_WORK, NORMAL
-from gpudem.contact.rolling import ROLLING
-from gpudem.contact.tangential import TANGENTIAL
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+if TYPE_CHECKING:
+    from gpudem.scene.sections import Contact, Material, Pair
+
+Slot = Literal["normal", "tangential", "rolling"]
 
 
-@functools.cache
-def mean_damping(normal: str) -> Any:
-    """A function (contact, pair, dt) -> damping force [N], its mean over the step from `before` to `after`.
+@dataclasses.dataclass(frozen=True)
+class Parameter:
+    """A number that a law reads from the scene beyond the fields that every pair or contact has.
 
-    (W(after) - W(before))/dt with W the integral of c_n over the overlap: exact for that path, also where c_n
-    starts like overlap^(1/4).
+    `where` = "pair": a key of `[[pairs]]`; "contact": a key of `[contact]`.
     """
-    damping_work = DAMPING_WORK[normal]
 
-    @wp.func
-    def mean(c: Any, p: Any, dt: Any):
-        return (wp.static(damping_work)(c, p, c.after) - wp.static(damping_work)(c, p, c.before)) / dt
+    name: str
+    unit: str
+    lo: float = -math.inf
+    hi: float = math.inf
+    open_lo: bool = False
+    """`lo` itself is not allowed."""
+    default: float | None = None
+    """None: must be stated."""
+    where: Literal["pair", "contact"] = "pair"
 
-    return mean
+
+@dataclasses.dataclass(frozen=True)
+class PairInputs:
+    """The primary inputs of one pair of materials, from which a law derives its coefficients."""
+
+    a: Material
+    b: Material
+    pair: Pair
+    contact: Contact
+
+    def value(self, parameter: Parameter) -> float:
+        """A parameter that the law declares: as stated, or its default. Raises ValueError: missing."""
+        section = self.pair if parameter.where == "pair" else self.contact
+        stated = (section.model_extra or {}).get(parameter.name, parameter.default)
+        if stated is None:
+            raise ValueError(f"{parameter.name}: missing [{parameter.unit}]")
+        return float(stated)
 
 
-@functools.cache
-def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, path: bool) -> Any:
-    """A function (contact, pair, spring, kept, dt, step) -> (force [N], turn [N], rolling [N m], spring).
+@dataclasses.dataclass(frozen=True)
+class LiggghtsWords:
+    """How a law is stated in a LIGGGHTS deck: its word, and the global properties that it reads, in order.
 
-    The force is that on i; with turn = n x F_t the torques are -lever turn - rolling on i and
-    -lever_j turn + rolling on j. `spring` [m] is that of the tangential law, `kept` [N m] the torque
-    `rolling` of the last step, of a law in `KEEPS_TORQUE`; dt is 0 at set-up, `step` the time step always.
-    Slots that are "off" leave no code. Antisymmetric in i and j: both sides of a contact computed apart give
-    opposite forces.
-
-    With `path` and dt > 0 the damping force is `mean_damping`, and the tangential dashpot takes the mean of
-    its coefficient likewise.
+    Each property is (kind, name, value, filler): kind "per_material" with value(material), "per_pair" with
+    value(pair) and the filler of pairs that cannot touch, or "scalar" with value(contact).
     """
-    normal_law = NORMAL[normal]
-    damping_over_step = mean_damping(normal)
-    tangential_law = TANGENTIAL.get(tangential)
-    rolling_law = ROLLING.get(rolling)
 
-    @wp.func
-    def law(c: Any, p: Any, spring: Any, kept: Any, dt: Any, step: Any):
-        kn, kt, cn, ct = wp.static(normal_law)(c, p)
-        damping = -cn * c.normal_velocity
-        if wp.static(path):
-            if dt > type(dt)(0.0):
-                damping = wp.static(damping_over_step)(c, p, dt)
-                travel = c.after - c.before
-                if wp.abs(travel) > type(dt)(0.001) * c.overlap and cn > type(dt)(0.0):
-                    ct = ct * (damping * dt / (travel * cn))
-        fn = kn * c.overlap + damping
-        if wp.static(limit_force):
-            fn = wp.max(fn, type(fn)(0.0))
-        force = fn * c.normal
-        turn = type(c.normal)()
-        if wp.static(tangential_law is not None):
-            ft, spring_new = wp.static(tangential_law)(c, p, kt, ct, fn, spring)
-            force = force + ft
-            turn = wp.cross(c.normal, ft)
-        else:
-            spring_new = spring
-        rolling_torque = type(c.normal)()
-        if wp.static(rolling_law is not None):
-            rolling_torque = wp.static(rolling_law)(c, p, kn, kt, fn, kept, step)
-        return force, turn, rolling_torque, spring_new
-
-    return law
+    word: str
+    properties: tuple[tuple[str, str, Callable[[Any], Any], float], ...] = ()
 
 
-@functools.cache
-def damping_force(normal: str, limit_force: bool) -> Any:
-    """A function (contact, pair, dt) -> mean damping force on i [N] over the step from `before` to `after`.
+class Law:
+    """Base of all laws. Subclasses set the class attributes and pass the device functions to `__init__`."""
 
-    For pairs apart at the step itself, whose path reaches into contact half a step before or ahead: the
-    windows of consecutive steps join, so nothing of the damping's integral is lost or counted twice.
+    slot: ClassVar[Slot]
+    name: ClassVar[str]
+    """The name in `[contact]` of a scene."""
+    reads: ClassVar[tuple[str, ...]] = ()
+    """Fields of `Material`, `Pair` and `Contact` that act with this law."""
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    """Further keys that this law adds to `[[pairs]]` and `[contact]`."""
+    coefficients: ClassVar[tuple[str, ...]] = ()
+    """Fields that this law adds to the device struct of a material pair."""
+    liggghts: ClassVar[LiggghtsWords | None] = None
+    """None: LIGGGHTS has no such law, and a scene with it is refused by name."""
+
+    def coefficients_of(self, inputs: PairInputs) -> dict[str, float]:
+        """Value of each name in `coefficients`, from primary inputs, in float64."""
+        raise NotImplementedError
+
+    def missing(self, inputs: PairInputs) -> list[str]:
+        """Names of the inputs of a pair that this law needs and that are not stated."""
+        stated = inputs.pair.model_extra or {}
+        needed = [p for p in self.parameters if p.where == "pair" and p.default is None]
+        return [p.name for p in needed if p.name not in stated]
+
+
+class NormalLaw(Law):
+    """Normal force F_n = k_n overlap - c_n v_n [N], positive when repulsive; v_n > 0 separating.
+
+    stiffness(contact, pair) -> (k_n, k_t [N/m], c_n, c_t [N s/m]), a `wp.func`; the tangential law uses k_t
+    and c_t.
+    damping_integral(contact, pair, overlap) -> integral of c_n over the overlap from 0 [N s], a `wp.func`;
+    the `path` integrator uses it.
     """
-    damping_over_step = mean_damping(normal)
 
-    @wp.func
-    def force(c: Any, p: Any, dt: Any):
-        if c.before > type(dt)(0.0) or c.after > type(dt)(0.0):
-            fn = wp.static(damping_over_step)(c, p, dt)
-            if wp.static(limit_force):
-                fn = wp.max(fn, type(fn)(0.0))
-            return fn * c.normal
-        return type(c.normal)()
+    slot = "normal"
+    coefficients = ("k_normal", "k_tangential", "c_normal", "c_tangential")
+    uses_moduli: ClassVar[bool] = True
+    """The materials' moduli act, so that the Rayleigh time limits the step."""
 
-    return force
+    def __init__(self, stiffness: Any, damping_integral: Any):
+        self.stiffness, self.damping_integral = stiffness, damping_integral
+
+    def range(self, inputs: PairInputs) -> float:
+        """Largest gap [m] at which the law acts; 0: in contact only."""
+        return 0.0
+
+    def contact_time(self, inputs: PairInputs, radius: float, mass: float, speed: float) -> float:
+        """Duration [s] of an undamped contact: effective radius [m], effective mass [kg], speed [m/s]."""
+        raise NotImplementedError
+
+    def release_speed(self, inputs: PairInputs, radius: float, mass: float, overlap: float) -> float:
+        """Speed [m/s] at which an overlap [m] drives two bodies apart, without damping."""
+        raise NotImplementedError
+
+    def restitution(self, inputs: PairInputs, radius: float, mass: float, speed: float) -> float:
+        """Coefficient of restitution [1] of an impact at `speed` [m/s]; as stated, where it is an input."""
+        return inputs.pair.restitution
+
+    def dissipates(self, inputs: PairInputs) -> bool:
+        """Whether the normal force depends on the velocity."""
+        return self.coefficients_of(inputs)["c_normal"] > 0
+
+
+class TangentialLaw(Law):
+    """Tangential force on i [N] and the shear spring after the step [m].
+
+    force(contact, pair, k_t, c_t, F_n, spring) -> (force, spring), a `wp.func`.
+    """
+
+    slot = "tangential"
+    history: ClassVar[bool] = False
+    """The spring is stored from step to step."""
+
+    def __init__(self, force: Any):
+        self.force = force
+
+
+class RollingLaw(Law):
+    """Resisting torque [N m], subtracted from i and added to j.
+
+    torque(contact, pair, k_n, k_t, F_n, torque of the last step, dt) -> torque, a `wp.func`.
+    """
+
+    slot = "rolling"
+    history: ClassVar[bool] = False
+    """The torque is stored from step to step."""
+
+    def __init__(self, torque: Any):
+        self.torque = torque

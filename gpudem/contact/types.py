@@ -3,7 +3,7 @@
 import functools
 from typing import Any
 
-from gpudem.solver.device import wp
+import warp as wp
 
 #: Arithmetic of the contact laws: forces, springs, coefficients.
 REAL = {"float64": wp.float64, "mixed": wp.float32, "float32": wp.float32}
@@ -13,7 +13,7 @@ WIDE = {"float64": wp.float64, "mixed": wp.float64, "float32": wp.float32}
 
 @functools.cache
 def contact_struct(real: Any) -> Any:
-    """The struct `Contact` in one precision. Particle i meets j (or a wall); normal points from j to i."""
+    """The struct `Contact` in one precision. Particle i touches j (or a wall); normal points from j to i."""
     vec3 = wp.types.vector(3, real)
 
     @wp.struct
@@ -26,24 +26,14 @@ def contact_struct(real: Any) -> Any:
         spin: vec3  # w_i - w_j [rad/s]; at a wall w_i lever/(R - overlap)
         radius_eff: real  # R* = R_i R_j/(R_i + R_j) [m]; at a wall R_i
         mass_eff: real  # m* = m_i m_j/(m_i + m_j) [kg]; at a wall m_i
-        before: real  # overlap half a step before, at least 0 [m]; integrator "path" alone
-        after: real  # overlap half a step ahead, at least 0 [m]; likewise
+        overlap_minus_half: real  # overlap half a step before, at least 0 [m]; integrator "path" only
+        overlap_plus_half: real  # overlap half a step ahead, at least 0 [m]; likewise
         lever: real  # R_i - overlap/2 [m], from the centre of i to the contact point
 
     return Contact
 
 
 @functools.cache
-def pair_struct(real: Any) -> Any:
-    """The struct `Pair` in one precision; `coefficients.py` says what k and c mean for each law."""
-
-    @wp.struct
-    class Pair:
-        k_normal: real
-        k_tangential: real
-        c_normal: real
-        c_tangential: real
-        friction: real  # mu [1]
-        rolling_friction: real  # mu_r [1]
-
-    return Pair
+def pair_struct(real: Any, fields: tuple[str, ...]) -> Any:
+    """The struct `Pair` in one precision: the coefficients of a material pair that the laws read."""
+    return wp.struct(type("Pair", (), {"__annotations__": dict.fromkeys(fields, real)}))

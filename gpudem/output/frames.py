@@ -9,23 +9,19 @@ from pathlib import Path
 import numpy as np
 
 from gpudem.output.vtu import PVD, Frame, read_pvd, read_vtu, write_pvd, write_vtu
-from gpudem.scene import Plane, Scene
+from gpudem.scene import Scene
+from gpudem.scene.sections import Wall
 
 
-def _walls_mesh(planes: list[Plane], lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Each plane as a rectangle: axis-aligned ones cut to lo..hi, tilted ones as large as its diagonal."""
-    points, size = [], float(np.linalg.norm(hi - lo))
-    for plane in planes:
-        normal, centre = np.array(plane.normal), (lo + hi) / 2
-        foot = centre - ((centre - np.array(plane.point)) @ normal) * normal
-        axis = int(np.argmax(np.abs(normal)))
-        u = np.roll(np.eye(3)[axis], 1)
-        u -= (u @ normal) * normal
-        u /= np.linalg.norm(u)
-        v = np.cross(normal, u)
-        half = [np.abs((hi - lo) @ d) / 2 if np.abs(normal).max() > 1 - 1e-12 else size / 2 for d in (u, v)]
-        points += [foot + a * half[0] * u + b * half[1] * v for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    return np.array(points).reshape(-1, 3), np.arange(4 * len(planes)).reshape(-1, 4)
+def _walls_mesh(walls: list[Wall], lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The outlines of all walls as one mesh of quads: points [m], shape (p, 3), and corners, shape (q, 4)."""
+    points, quads, count = [], [], 0
+    for wall in walls:
+        corners, faces = wall.outline(lo, hi)
+        points.append(corners)
+        quads.append(faces + count)
+        count += len(corners)
+    return np.concatenate(points), np.concatenate(quads)
 
 
 class FrameWriter:
@@ -39,7 +35,7 @@ class FrameWriter:
         if resumed_at is not None and (directory / PVD).is_file():
             limit = (resumed_at + 0.5) * scene.time.step
             self._entries = [entry for entry in read_pvd(directory / PVD) if entry[0] < limit]
-        self._walls = [(a, self._write_walls(k, planes)) for k, (a, _, planes) in enumerate(scene.segments)]
+        self._walls = [(a, self._write_walls(k, walls)) for k, (a, _, walls) in enumerate(scene.segments)]
 
     def add(self, step: int, frame: Frame) -> None:
         """Write one frame at `step` and bring the .pvd up to date."""
@@ -51,12 +47,12 @@ class FrameWriter:
             self._entries.append((time, 1, walls))
         write_pvd(self.directory / PVD, self._entries)
 
-    def _write_walls(self, k: int, planes: list[Plane]) -> str | None:
-        if not planes:
+    def _write_walls(self, k: int, walls: list[Wall]) -> str | None:
+        if not walls:
             return None
         import meshio
 
-        points, quads = _walls_mesh(planes, np.array(self.scene.domain.lo), np.array(self.scene.domain.hi))
+        points, quads = _walls_mesh(walls, np.array(self.scene.domain.lo), np.array(self.scene.domain.hi))
         name = f"frames/walls_{k}.vtu"
         meshio.Mesh(points, [("quad", quads)]).write(self.directory / name, binary=True, compression=None)
         return name

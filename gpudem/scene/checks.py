@@ -104,13 +104,12 @@ def _pairs(scene: Scene) -> list[str]:
         for b in partners:
             if scene.pair(a, b) is None and (b not in ours or ours.index(a) <= ours.index(b)):
                 found.append(f"pairs: {a} / {b} can meet, and no pair gives their restitution and friction")
-    if scene.contact.normal == "hertz/stiffness":
-        for pair in scene.contact_pairs:
-            missing = [k for k in ("kn", "kt", "gamma_n", "gamma_t") if getattr(pair, k) is None]
-            if missing:
-                found.append(
-                    f"pairs: {' / '.join(pair.materials)}: hertz/stiffness needs {', '.join(missing)}"
-                )
+    for pair in scene.contact_pairs if scene.materials else []:
+        missing = scene.normal_law.missing(scene.inputs(*pair.materials))
+        if missing:
+            found.append(
+                f"pairs: {' / '.join(pair.materials)}: {scene.contact.normal} needs {', '.join(missing)}"
+            )
     if scene.contact.normal == "hooke" and scene.contact.characteristic_velocity is None:
         found.append("contact.characteristic_velocity: missing; hooke needs it [m/s]")
     return found
@@ -333,7 +332,7 @@ def step_limit(scene: Scene, rayleigh: float, contact: float) -> tuple[float, st
         scene.contact.normal, "contact time (hertz/stiffness)"
     )
     limits = [(contact * contact_time(scene), f"{contact:g} of the {kind}")]
-    if scene.contact.normal != "hertz/stiffness":
+    if scene.normal_law.uses_moduli:
         limits.append((rayleigh * rayleigh_time(scene), f"{rayleigh:g} of the Rayleigh time"))
     return min(limits)
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 import json
 import tomllib
 import typing
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -17,6 +18,13 @@ from pydantic.fields import FieldInfo
 from gpudem.errors import SceneError
 
 AnyModel = TypeVar("AnyModel", bound=BaseModel)
+
+
+@dataclasses.dataclass(frozen=True)
+class OneOf:
+    """Metadata of a field that takes one of several sections, found when asked for: name -> class."""
+
+    sections: Callable[[], dict[str, type[BaseModel]]]
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -98,7 +106,7 @@ def _line(item: Any, model: type[BaseModel]) -> str:
     key, value = _location(loc), _short(item["input"])
     match item["type"]:
         case "extra_forbidden":
-            return f"{key}: unknown key{_nearest(loc[-1], _fields(loc[:-1], model))}"
+            return f"{key}: unknown key{nearest(loc[-1], _fields(loc[:-1], model))}"
         case "missing":
             field = _fields(loc[:-1], model).get(loc[-1])
             unit = next((m.unit for m in field.metadata if hasattr(m, "unit")), "") if field else ""
@@ -108,9 +116,9 @@ def _line(item: Any, model: type[BaseModel]) -> str:
             return f"{key}.{context['discriminator'].strip(chr(39))}: missing; one of: {', '.join(known)}"
         case "union_tag_invalid":
             tag = context["discriminator"].strip("'")
-            return f"{key}.{tag} = {context['tag']!r}: unknown{_nearest(context['tag'], _tags(loc, model))}"
+            return f"{key}.{tag} = {context['tag']!r}: unknown{nearest(context['tag'], _tags(loc, model))}"
         case "literal_error":
-            return f"{key} = {value}: unknown{_nearest(item['input'], _words(context['expected']))}"
+            return f"{key} = {value}: unknown{nearest(item['input'], _words(context['expected']))}"
         case kind:
             message = _KINDS.get(
                 kind, item["msg"].removeprefix("Value error, ").replace("Input should", "must")
@@ -127,7 +135,7 @@ def _location(loc: tuple[Any, ...]) -> str:
     """particles.radius, walls[2].name, ... without what pydantic adds: the tag of a union's member, [key]."""
     text = ""
     for i, part in enumerate(loc):
-        tag = (i == 1 and loc[0] == "particles") or (i == 2 and loc[0] == "walls")
+        tag = i == 1 and loc[0] == "particles"
         if isinstance(part, int):
             text += f"[{part}]"
         elif not tag and part != "[key]":
@@ -135,7 +143,8 @@ def _location(loc: tuple[Any, ...]) -> str:
     return text or "scene"
 
 
-def _nearest(word: Any, known: Iterable[str]) -> str:
+def nearest(word: Any, known: Iterable[str]) -> str:
+    """The end of a message about an unknown word: the known one nearest to it, or all that are known."""
     known = list(known)
     close = difflib.get_close_matches(str(word), known, n=1, cutoff=0.5)
     return f"; did you mean {close[0]!r}?" if close else f"; known: {', '.join(known)}"
@@ -167,6 +176,8 @@ def _tag(model: type[BaseModel]) -> tuple[str, ...]:
 def _models(annotation: Any) -> list[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
+    if isinstance(annotation, OneOf):
+        return list(annotation.sections().values())
     return [m for a in typing.get_args(annotation) for m in _models(a)]
 
 

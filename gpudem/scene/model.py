@@ -19,12 +19,13 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
+from gpudem.contact import registry
+from gpudem.contact.law import Law, NormalLaw, PairInputs
 from gpudem.errors import SceneError
 from gpudem.scene import checks, files, time_step
 from gpudem.scene.packing import InitialState, lattice
 from gpudem.scene.particle_files import read_particles
 from gpudem.scene.sections import (
-    Box,
     Contact,
     Domain,
     Explicit,
@@ -37,12 +38,10 @@ from gpudem.scene.sections import (
     Plane,
     Solver,
     Time,
+    Wall,
+    WallSection,
 )
 from gpudem.scene.types import Model, Name, Vector, vector
-
-
-def _along(axis: int, value: float) -> Vector:
-    return (value if axis == 0 else 0.0, value if axis == 1 else 0.0, value if axis == 2 else 0.0)
 
 
 class Scene(Model):
@@ -59,7 +58,7 @@ class Scene(Model):
     contact: Contact = Contact()
     particles: Annotated[Explicit | FromFile | Lattice, Field(discriminator="source")]
     gravity: Annotated[Vector, vector("m/s2")] = (0.0, 0.0, 0.0)
-    walls: tuple[Annotated[Plane | Box, Field(discriminator="kind")], ...] = ()
+    walls: tuple[WallSection, ...] = ()
     domain: Domain
     time: Time
     output: Output = Output()
@@ -171,26 +170,42 @@ class Scene(Model):
         return [name for name, i in self.material_index.items() if i in used]
 
     @functools.cached_property
+    def wall_elements(self) -> list[Wall]:
+        """All walls as elementary ones: boxes as planes, named `<box>_<side>`; normals of length one."""
+        return [e for wall in self.walls for e in wall.elements(self.domain.lo, self.domain.hi)]
+
+    @property
     def planes(self) -> list[Plane]:
-        """All walls as planes: boxes taken apart, named `<box>_<side>`; normals of length one."""
-        planes: list[Plane] = []
-        for wall in self.walls:
-            if isinstance(wall, Plane):
-                length = math.sqrt(math.fsum(c * c for c in wall.normal))
-                planes.append(wall.model_copy(update={"normal": tuple(c / length for c in wall.normal)}))
-                continue
-            corners = {"lo": wall.lo or self.domain.lo, "hi": wall.hi or self.domain.hi}
-            for side in wall.sides:
-                axis, sign = "xyz".index(side[0]), 1.0 if side.endswith("lo") else -1.0
-                planes.append(
-                    Plane(
-                        name=f"{wall.name}_{side}",
-                        material=wall.material,
-                        point=_along(axis, corners[side[1:]][axis]),
-                        normal=_along(axis, sign),
-                    )
-                )
-        return planes
+        """The elementary walls that are planes."""
+        return [wall for wall in self.wall_elements if isinstance(wall, Plane)]
+
+    def inputs(self, a: str, b: str) -> PairInputs:
+        """Primary inputs of two materials. Raises KeyError where the scene states no such pair."""
+        pair = self.pair(a, b)
+        if pair is None:
+            raise KeyError(f"no pair {a} / {b}")
+        return PairInputs(self.materials[a], self.materials[b], pair, self.contact)
+
+    @functools.cached_property
+    def normal_law(self) -> NormalLaw:
+        """The normal law of the scene."""
+        return registry.law("normal", self.contact.normal)
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """The laws that act in this scene, in order of the slots."""
+        found = [self.normal_law]
+        if self.needs.tangential:
+            found.append(registry.law("tangential", self.contact.tangential))
+        if self.needs.rolling:
+            found.append(registry.law("rolling", self.contact.rolling))
+        return tuple(found)
+
+    @functools.cached_property
+    def contact_range(self) -> float:
+        """Largest gap [m] across which the normal law acts; 0 for a law of contact."""
+        law = self.normal_law
+        return max((law.range(self.inputs(*pair.materials)) for pair in self.contact_pairs), default=0.0)
 
     @functools.cached_property
     def contact_pairs(self) -> list[Pair]:
@@ -205,17 +220,17 @@ class Scene(Model):
         state, pairs = self.state, self.contact_pairs
         tangential = self.contact.tangential != "off" and any(p.friction > 0 for p in pairs)
         rolling = self.contact.rolling != "off" and any(p.rolling_friction > 0 for p in pairs)
-        stiffness = self.contact.normal == "hertz/stiffness"
+        law = self.normal_law
         return Needs(
             tangential=tangential,
             history=tangential and self.contact.tangential == "history",
             rolling=rolling,
             rotation=tangential or rolling or bool(np.any(state.angular_velocity)),
-            damping=any((p.gamma_n or 0) > 0 if stiffness else p.restitution < 1 for p in pairs),
+            damping=any(law.dissipates(self.inputs(*p.materials)) for p in pairs),
             gravity=any(self.gravity),
             walls=bool(self.walls),
-            gate=any(p.removed_at is not None for p in self.planes),
-            vibration=any(p.vibration is not None for p in self.planes),
+            gate=any(w.removed_at is not None for w in self.wall_elements),
+            vibration=any(w.speed > 0 for w in self.wall_elements),
             periodic=any(self.domain.periodic),
             several_materials=len(self.particle_materials) > 1,
             several_radii=bool(np.ptp(state.radius) > 0),
@@ -249,11 +264,12 @@ class Scene(Model):
         )
 
     @property
-    def segments(self) -> list[tuple[int, int, list[Plane]]]:
-        """(first step, last step, planes present) between gate removals; forces are set up anew at each."""
-        events = sorted({self.steps(p.removed_at) for p in self.planes if p.removed_at is not None})
+    def segments(self) -> list[tuple[int, int, list[Wall]]]:
+        """(first step, last step, walls present) between gate removals; forces are set up anew at each."""
+        walls = self.wall_elements
+        events = sorted({self.steps(w.removed_at) for w in walls if w.removed_at is not None})
         edges = [0, *(e for e in events if 0 < e < self.n_steps), self.n_steps]
         return [
-            (a, b, [p for p in self.planes if p.removed_at is None or self.steps(p.removed_at) > a])
+            (a, b, [w for w in walls if w.removed_at is None or self.steps(w.removed_at) > a])
             for a, b in itertools.pairwise(edges)
         ]

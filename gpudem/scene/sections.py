@@ -10,9 +10,22 @@ import os
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Discriminator, Field, StrictBool, Tag
+from pydantic import (
+    AfterValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    PlainValidator,
+    SerializeAsAny,
+    StrictBool,
+    Tag,
+    TypeAdapter,
+)
+from pydantic_core import PydanticCustomError
 
-from gpudem.scene.types import Model, Name, Vector, array, each, names, number, positive, vector
+from gpudem.scene.files import OneOf
+from gpudem.scene.types import Model, Name, Vector, array, each, law_name, names, number, positive, vector
+from gpudem.walls import registry
 
 Side = Literal["xlo", "xhi", "ylo", "yhi", "zlo", "zhi"]
 
@@ -29,7 +42,12 @@ class Material(Model):
 
 
 class Pair(Model):
-    """Contact properties of two materials (or of one with itself); symmetric."""
+    """Contact properties of two materials (or of one with itself); symmetric.
+
+    A law of another package may declare further keys (`gpudem.contact.law.Parameter`).
+    """
+
+    model_config = ConfigDict(extra="allow")
 
     materials: tuple[Name, Name]
     restitution: Annotated[float, positive("1", 1)] = 1.0
@@ -49,11 +67,19 @@ class Pair(Model):
 
 
 class Contact(Model):
-    """The contact law by slots, in LIGGGHTS' words."""
+    """The contact law by slots, in LIGGGHTS' words.
 
-    normal: Literal["hertz", "hertz/stiffness", "hooke"] = "hertz"
-    tangential: Literal["off", "no_history", "history"] = "history"
-    rolling: Literal["off", "cdt", "epsd2"] = "off"
+    A law of another package may declare further keys (`gpudem.contact.law.Parameter`).
+    """
+
+    model_config = ConfigDict(extra="allow")
+
+    normal: Annotated[str, law_name("normal")] = "hertz"
+    """hertz, hertz/stiffness, hooke, or a law of another package."""
+    tangential: Annotated[str, law_name("tangential")] = "history"
+    """off, no_history, history, or a law of another package."""
+    rolling: Annotated[str, law_name("rolling")] = "off"
+    """off, cdt, epsd2, or a law of another package."""
     limit_force: StrictBool = False
     """Clip the normal force at zero (no attraction late in a rebound)."""
     tangential_damping: StrictBool = True
@@ -132,16 +158,96 @@ class Vibration(Model):
     """Stroke A [m]; the period is A / U."""
 
 
-class Plane(Model):
+class Wall(Model):
+    """What every wall states, and the geometry of an elementary one on the host (a box consists of planes).
+
+    A kind of another package derives from it (`gpudem.walls.registry`).
+    """
+
+    kind: str
+    name: Name
+    material: Name
+    removed_at: Annotated[float, positive("s")] | None = None
+    """The wall is a gate: it is there until this time."""
+
+    def elements(self, lo: Vector, hi: Vector) -> list[Wall]:
+        """The elementary walls of which it consists, in a domain lo..hi [m]."""
+        return [self]
+
+    def shape(self) -> tuple[Vector, Vector, Vector]:
+        """(direction, point [m], size [m]) as the kind's device function reads them."""
+        raise NotImplementedError
+
+    def gap(self, points: np.ndarray) -> np.ndarray:
+        """Gap [m] of points, shape (n, 3), from the wall: positive on the particles' side."""
+        raise NotImplementedError
+
+    def outline(self, lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(points [m], quads) that show the wall in a domain lo..hi: shapes (p, 3), (q, 4)."""
+        raise NotImplementedError
+
+    @property
+    def fast_floor(self) -> bool:
+        """It stands still between contacts, and moves at its velocity under each particle in contact."""
+        return False
+
+    @property
+    def speed(self) -> float:
+        """Largest speed [m/s]; 0 at rest."""
+        return 0.0
+
+    @property
+    def velocity(self) -> Vector:
+        """Velocity [m/s] while it moves."""
+        return (0.0, 0.0, 0.0)
+
+    @property
+    def stroke(self) -> float:
+        """Largest displacement [m]."""
+        return 0.0
+
+    def displacement(self, time: float) -> Vector:
+        """Where it is at a time [s], from its place at the start [m]."""
+        return (0.0, 0.0, 0.0)
+
+
+class Plane(Wall):
     """Infinite plane wall; particles live on the side its normal points to. With `removed_at`: a gate."""
 
-    kind: Literal["plane"] = "plane"
+    kind: Literal["plane"] = "plane"  # type: ignore[assignment]
     name: Name
     material: Name
     point: Annotated[Vector, vector("m")]
     normal: Annotated[Vector, vector("1", nonzero=True)]
     removed_at: Annotated[float, positive("s")] | None = None
     vibration: Vibration | None = None
+
+    def elements(self, lo: Vector, hi: Vector) -> list[Wall]:
+        """The plane with a normal of length one."""
+        length = math.sqrt(math.fsum(c * c for c in self.normal))
+        return [self.model_copy(update={"normal": tuple(c / length for c in self.normal)})]
+
+    def shape(self) -> tuple[Vector, Vector, Vector]:
+        """(normal, point, (normal . point, 0, 0))."""
+        offset = np.einsum("i,i", np.array(self.normal), np.array(self.point))
+        return self.normal, self.point, (float(offset), 0.0, 0.0)
+
+    def gap(self, points: np.ndarray) -> np.ndarray:
+        """Distance [m] along the normal."""
+        return (points - np.array(self.point)) @ np.array(self.normal)
+
+    def outline(self, lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A rectangle: an axis-aligned plane cut to lo..hi, a tilted one as large as its diagonal."""
+        size, normal, centre = float(np.linalg.norm(hi - lo)), np.array(self.normal), (lo + hi) / 2
+        foot = centre - ((centre - np.array(self.point)) @ normal) * normal
+        axis = int(np.argmax(np.abs(normal)))
+        u = np.roll(np.eye(3)[axis], 1)
+        u -= (u @ normal) * normal
+        u /= np.linalg.norm(u)
+        v = np.cross(normal, u)
+        half = [np.abs((hi - lo) @ d) / 2 if np.abs(normal).max() > 1 - 1e-12 else size / 2 for d in (u, v)]
+        corners = [foot + a * half[0] * u + b * half[1] * v for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        return np.array(corners), np.arange(4).reshape(1, 4)
 
     @property
     def fast_floor(self) -> bool:
@@ -153,11 +259,31 @@ class Plane(Model):
         """U along the normal [m/s]; 0 for a plane at rest."""
         return self.vibration.speed if self.vibration else 0.0
 
+    @property
+    def velocity(self) -> Vector:
+        """U along the normal [m/s]."""
+        x, y, z = self.normal
+        return self.speed * x, self.speed * y, self.speed * z
+
+    @property
+    def stroke(self) -> float:
+        """Amplitude of a saw-tooth [m]."""
+        return self.vibration.amplitude if self.vibration else 0.0
+
+    def displacement(self, time: float) -> Vector:
+        """Of a saw-tooth from its lowest place [m]."""
+        (x, y, z), shift = self.normal, self.shift(time)
+        return shift * x, shift * y, shift * z
+
     def shift(self, time: float) -> float:
         """How far along its normal a saw-tooth is from its lowest place [m]."""
         if self.vibration is None or self.fast_floor:
             return 0.0
         return self.vibration.speed * math.fmod(time, self.vibration.amplitude / self.vibration.speed)
+
+
+def _along(axis: int, value: float) -> Vector:
+    return (value if axis == 0 else 0.0, value if axis == 1 else 0.0, value if axis == 2 else 0.0)
 
 
 class Box(Model):
@@ -169,6 +295,47 @@ class Box(Model):
     sides: Annotated[tuple[Side, ...], Field(min_length=1)] = ("xlo", "xhi", "ylo", "yhi", "zlo", "zhi")
     lo: Annotated[Vector, vector("m")] | None = None
     hi: Annotated[Vector, vector("m")] | None = None
+
+    def elements(self, lo: Vector, hi: Vector) -> list[Wall]:
+        """One plane for each side, named `<box>_<side>`."""
+        corners, planes = {"lo": self.lo or lo, "hi": self.hi or hi}, []
+        for side in self.sides:
+            axis, sign = "xyz".index(side[0]), 1.0 if side.endswith("lo") else -1.0
+            planes.append(
+                Plane(
+                    name=f"{self.name}_{side}",
+                    material=self.material,
+                    point=_along(axis, corners[side[1:]][axis]),
+                    normal=_along(axis, sign),
+                )
+            )
+        return planes
+
+
+def wall_sections() -> dict[str, type[Model]]:
+    """The section class of every kind of wall, those of other packages last."""
+    return {"plane": Plane, "box": Box} | registry.sections()
+
+
+def _wall_section(value: Any) -> Any:
+    """A wall as the section of its kind; what is wrong in it is found by that section."""
+    if isinstance(value, Wall | Box):
+        return value
+    if not isinstance(value, dict):
+        raise ValueError("must be a table")
+    if "kind" not in value:
+        raise PydanticCustomError("union_tag_not_found", "no kind", {"discriminator": "'kind'"})
+    kind = value["kind"]
+    section = {"plane": Plane, "box": Box}.get(kind) if isinstance(kind, str) else None
+    section = section or wall_sections().get(str(kind))
+    if section is None:
+        raise PydanticCustomError(
+            "union_tag_invalid", "unknown kind", {"discriminator": "'kind'", "tag": str(kind)}
+        )
+    return TypeAdapter(section).validate_python(value)
+
+
+WallSection = Annotated[SerializeAsAny[Model], PlainValidator(_wall_section), OneOf(wall_sections)]
 
 
 class Domain(Model):

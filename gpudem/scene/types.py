@@ -17,8 +17,9 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 from pydantic_core import CoreSchema, core_schema
 
+from gpudem.contact import registry
 from gpudem.errors import SceneError
-from gpudem.scene.files import problems
+from gpudem.scene.files import nearest, problems
 
 #: Names travel into file names and LIGGGHTS decks (which can run shell commands): letters, digits, _ only.
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
@@ -212,3 +213,18 @@ class names(_Plain):
         if not isinstance(value, list | tuple) or not all(isinstance(v, str) for v in value):
             raise ValueError("must be a name, or a list of names")
         return tuple(_name(v) for v in value)
+
+
+class law_name(_Plain):
+    """The name of a contact law of one slot."""
+
+    def __init__(self, slot: str):
+        self.slot = slot
+
+    def check(self, value: Any) -> str:  # noqa: D102
+        if not isinstance(value, str):
+            raise ValueError("must be text in quotes")
+        if value != registry.OFF or self.slot == "normal":
+            if registry.find(self.slot, value) is None:
+                raise ValueError(f"unknown{nearest(value, registry.names(self.slot))}")
+        return value

@@ -10,8 +10,9 @@ is in native code: on CUDA in whole 16-byte words, to which a Body is padded; el
 import functools
 from typing import Any
 
+import warp as wp
+
 from gpudem.contact.types import WIDE
-from gpudem.solver.device import wp
 from gpudem.solver.spec import Spec
 
 #: Bytes that one load of a CUDA thread takes at most.

@@ -1,4 +1,4 @@
-"""From positions and velocities to a `Contact`: what the contact laws read, for pairs and at walls."""
+"""From positions and velocities to a `Contact`, and from it to forces: one procedure for pairs and walls."""
 
 import functools
 from types import SimpleNamespace
@@ -6,7 +6,8 @@ from typing import Any
 
 import warp as wp
 
-from gpudem.contact.types import contact_struct
+from gpudem.contact.composition import contact_law, damping_force
+from gpudem.contact.types import WIDE, contact_struct
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import structs
 
@@ -14,8 +15,8 @@ from gpudem.solver.state import structs
 @functools.cache
 def nearest_image(periodic: tuple[bool, bool, bool], precision: str) -> Any:
     """A function (d, size) -> d between nearest images; no code for sides that are not periodic."""
-    t = structs(precision, False)
-    vec3, real = t.wide3, t.wide
+    real = WIDE[precision]
+    vec3 = wp.types.vector(3, real)
     px, py, pz = periodic
 
     @wp.func
@@ -42,15 +43,14 @@ def nearest_image(periodic: tuple[bool, bool, bool], precision: str) -> Any:
 
 
 @functools.cache
-def contact_geometry(spec: Spec) -> SimpleNamespace:
-    """The functions narrow, widen, pair_contact, wall_contact, turned, set_motion of one Spec."""
-    t = structs(spec.precision, spec.vibration)
+def conversions(precision: str) -> SimpleNamespace:
+    """The functions to_real and to_wide between the vectors of the two precisions."""
+    t = structs(precision)
     real, vec3, wide, wide3 = t.real, t.vec3, t.wide, t.wide3
-    Contact = contact_struct(real)
     mixed = real is not wide
 
     @wp.func
-    def narrow(a: wide3):
+    def to_real(a: wide3):
         if wp.static(mixed):
             b = vec3(real(a[0]), real(a[1]), real(a[2]))
         else:
@@ -58,84 +58,131 @@ def contact_geometry(spec: Spec) -> SimpleNamespace:
         return b
 
     @wp.func
-    def widen(a: vec3):
+    def to_wide(a: vec3):
         if wp.static(mixed):
             b = wide3(wide(a[0]), wide(a[1]), wide(a[2]))
         else:
             b = a
         return b
 
-    @wp.func
-    def set_motion(c: Contact, v: vec3, v_ahead: vec3, dt: real):
-        """Velocities of the contact point, i against j: half a step behind and ahead; dt = 0 at set-up."""
-        mean = v
-        if wp.static(spec.path):
-            mean = real(0.5) * (v + v_ahead)
-        c.normal_velocity = wp.dot(mean, c.normal)
-        c.tangential_velocity = mean - c.normal_velocity * c.normal
-        c.slide = dt * c.tangential_velocity
-        if wp.static(spec.path):
-            closing = -wp.dot(v, c.normal)
-            closing_ahead = -wp.dot(v_ahead, c.normal)
-            c.before = wp.max(c.overlap - real(0.5) * dt * closing, real(0.0))
-            c.after = wp.max(c.overlap + real(0.5) * dt * closing_ahead, real(0.0))
-            share = real(1.0)
-            if c.overlap <= dt * closing:  # first step of the contact: it slides from the touch on
-                share = c.overlap / (dt * closing)
-            c.slide = (share * dt) * (v + closing * c.normal)
-        return c
+    return SimpleNamespace(to_real=to_real, to_wide=to_wide)
+
+
+@functools.cache
+def contact_geometry(spec: Spec) -> SimpleNamespace:
+    """The functions sphere_contact and wall_contact of one Spec: overlap, normal, lever, effective values."""
+    t = structs(spec.precision)
+    real, wide, wide3 = t.real, t.wide, t.wide3
+    Contact = contact_struct(real)
+    mixed = real is not wide
+    to_real = conversions(spec.precision).to_real
 
     @wp.func
-    def pair_contact(d: wide3, rsq: wide, wide_ri: wide, wide_rj: wide, mi: real, mj: real):
+    def sphere_contact(d: wide3, rsq: wide, wide_ri: wide, wide_rj: wide, mi: real, mj: real):
         c = Contact()
         ri = real(wide_ri)
         rj = real(wide_rj)
         if wp.static(mixed and spec.half_list):
             r = wp.sqrt(rsq)
-            c.normal = narrow(d * (wide(1.0) / r))
+            c.normal = to_real(d * (wide(1.0) / r))
             c.overlap = real(wide_ri + wide_rj - r)
-        elif wp.static(mixed):  # the small difference in float64, without its square root, dear to a GPU
+        elif wp.static(mixed):  # the small difference in float64, without its square root, slow on a GPU
             r = wp.sqrt(real(rsq))
             reach = wide_ri + wide_rj
-            c.normal = narrow(d) * (real(1.0) / r)
+            c.normal = to_real(d) * (real(1.0) / r)
             c.overlap = real(reach * reach - rsq) / (real(reach) + r)
         else:
             r = wp.sqrt(rsq)
             c.normal = d * (real(1.0) / r)
             c.overlap = ri + rj - r
         c.lever = ri - real(0.5) * c.overlap
-        if wp.static(spec.several_radii):
+        if wp.static(spec.polydisperse):
             c.radius_eff = ri * rj / (ri + rj)
         else:
             c.radius_eff = real(0.5) * ri
-        if wp.static(spec.several_masses):
+        if wp.static(spec.per_particle_mass):
             c.mass_eff = mi * mj / (mi + mj)
         else:
             c.mass_eff = real(0.5) * mi
         return c
 
     @wp.func
-    def wall_contact(distance: wide, normal: wide3, radius: wide, mass: real):
+    def wall_contact(gap: wide, normal: wide3, radius: wide, mass: real, w: wide3):
         c = Contact()
-        c.normal = narrow(normal)
-        c.overlap = real(radius - distance)
+        c.normal = to_real(normal)
+        c.overlap = real(radius - gap)
         c.lever = real(radius) - real(0.5) * c.overlap
         c.radius_eff = real(radius)
         c.mass_eff = mass
+        if wp.static(spec.rotation):  # the gap is far above the bound unless a guard was waived
+            c.spin = (c.lever / real(wp.max(gap, wide(0.01) * radius))) * to_real(w)
+        return c
+
+    return SimpleNamespace(sphere_contact=sphere_contact, wall_contact=wall_contact)
+
+
+@functools.cache
+def contact_procedure(spec: Spec) -> SimpleNamespace:
+    """What a step does with a contact, of two particles or at a wall: resolve and damping_apart.
+
+    resolve(contact, relative velocity of the centres half a step behind and ahead, angular velocities of i
+    and j likewise, lever of j, pair, spring, last rolling torque, dt, step)
+    -> (force on i, torque on i, torque on j, spring and rolling torque after the step).
+    damping_apart(contact, velocities likewise, pair, dt) -> force on i, of bodies that do not overlap at the
+    step itself (integrator "path").
+    """
+    t = structs(spec.precision)
+    real, vec3, wide3 = t.real, t.vec3, t.wide3
+    Contact = contact_struct(real)
+    to_real = conversions(spec.precision).to_real
+    law = contact_law(spec.normal, spec.tangential, spec.rolling, spec.limit_force, spec.path)
+    damping = damping_force(spec.normal, spec.limit_force)
+
+    @wp.func
+    def set_relative_motion(c: Contact, v: vec3, v_next: vec3, dt: real):
+        """Velocities of the contact point, i against j: half a step behind and ahead; dt = 0 at set-up."""
+        mean = v
+        if wp.static(spec.path):
+            mean = real(0.5) * (v + v_next)
+        c.normal_velocity = wp.dot(mean, c.normal)
+        c.tangential_velocity = mean - c.normal_velocity * c.normal
+        c.slide = dt * c.tangential_velocity
+        if wp.static(spec.path):
+            closing = -wp.dot(v, c.normal)
+            closing_next = -wp.dot(v_next, c.normal)
+            c.overlap_minus_half = wp.max(c.overlap - real(0.5) * dt * closing, real(0.0))
+            c.overlap_plus_half = wp.max(c.overlap + real(0.5) * dt * closing_next, real(0.0))
+            share = real(1.0)
+            if c.overlap <= dt * closing:  # first step of the contact: it slides only since the contact began
+                share = c.overlap / (dt * closing)
+            c.slide = (share * dt) * (v + closing * c.normal)
         return c
 
     @wp.func
-    def turned(c: Contact, v: wide3, wi: wide3, wj: wide3, lever_j: real):
-        """Velocity of the contact point from that of the centres and the spins."""
+    def contact_point_velocity(c: Contact, v: wide3, w_i: wide3, w_j: wide3, lever_j: real):
+        """Relative velocity of the contact point from that of the centres and the angular velocities."""
         if wp.static(spec.rotation):
-            return narrow(v) - wp.cross(c.lever * narrow(wi) + lever_j * narrow(wj), c.normal)
-        return narrow(v)
+            return to_real(v) - wp.cross(c.lever * to_real(w_i) + lever_j * to_real(w_j), c.normal)
+        return to_real(v)
 
-    return SimpleNamespace(
-        narrow=narrow,
-        widen=widen,
-        set_motion=set_motion,
-        pair_contact=pair_contact,
-        wall_contact=wall_contact,
-        turned=turned,
-    )
+    @wp.func
+    def resolve(
+        c: Contact, v: wide3, v_next: wide3, w_i: wide3, w_i_next: wide3, w_j: wide3, w_j_next: wide3,
+        lever_j: real, pair: Any, spring: vec3, last: vec3, dt: real, step: real,
+    ):  # fmt: skip
+        v_point = contact_point_velocity(c, v, w_i, w_j, lever_j)
+        v_point_next = v_point
+        if wp.static(spec.path):
+            v_point_next = contact_point_velocity(c, v_next, w_i_next, w_j_next, lever_j)
+        c = set_relative_motion(c, v_point, v_point_next, dt)
+        force, n_cross_ft, rolling, spring_new = law(c, pair, spring, last, dt, step)
+        torque_i = -(c.lever * n_cross_ft + rolling)
+        torque_j = rolling - lever_j * n_cross_ft
+        return force, torque_i, torque_j, spring_new, rolling
+
+    @wp.func
+    def damping_apart(c: Contact, v: wide3, v_next: wide3, pair: Any, dt: real):
+        c = set_relative_motion(c, to_real(v), to_real(v_next), dt)
+        return damping(c, pair, dt)
+
+    return SimpleNamespace(resolve=resolve, damping_apart=damping_apart)

@@ -40,7 +40,7 @@ def speed_limit(scene: Scene) -> float:
     """
     if "speed" in scene.allow:
         return float("inf")
-    fastest = max((plane.speed for plane in scene.planes), default=0.0)
+    fastest = max((wall.speed for wall in scene.wall_elements), default=0.0)
     return max(0.0, MAX_MOVE * float(scene.state.radius.min()) / scene.time.step - fastest)
 
 

@@ -1,9 +1,10 @@
-"""Cells, sorted order, neighbour list with skin, shear springs carried over, overflow and lost particles.
+"""Kernels of a rebuild: cells, sorted order, list of neighbors and walls with skin, contact history.
 
-Rebuilding: cell of each particle -> stable sort -> particle arrays re-ordered -> neighbours counted, offsets
-summed, list filled from the 27 cells around -> springs of touching pairs found again. All on the device.
-The list is compact, touching pairs first; full (i holds j and j holds i), or half within each block of
-particles (the first holds the other) and full across blocks.
+Rebuilding: cell of each particle -> stable sort -> particle arrays re-ordered -> entries counted, offsets
+summed, list filled from the 27 cells around and from the walls -> history of the contacts found again. All on
+the device. Of each particle the list holds first its neighbors, those in contact before the others, then its
+walls. It is full (i holds j and j holds i), or half within each block of particles (the first holds the other)
+and full across blocks.
 """
 
 import functools
@@ -16,12 +17,30 @@ from gpudem.solver.body import body_struct
 from gpudem.solver.geometry import nearest_image
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import structs
-from gpudem.solver.wall_table import plane_distance
+from gpudem.solver.walls import wall_surface
 
-#: Neighbours of a particle that the count remembers for the fill; one with more is searched again.
-HITS = wp.constant(24)
-#: What `status[0]` says; status[1] is the particle's row in the scene, status[2] its partner's or the plane.
+#: Entries of a particle that the count stores for the fill; a particle with more is searched again.
+CACHE_SIZE = wp.constant(24)
+#: Places for the reports of a rebuild: one block of particles writes to one place.
+SLOTS = wp.constant(64)
+#: What a report says of a particle; its partner is a row of the scene or a wall.
 OK, LOST, NOT_A_NUMBER, TOO_FAST, TOO_DEEP, DEEP_IN_WALL = 0, 1, 2, 3, 4, 5
+#: A report that says nothing.
+NO_REPORT = (1 << 63) - 1
+
+
+def unpack_report(report: int) -> tuple[int, int, int]:
+    """(what, particle, partner) of a report: the particle in the upper 31 bits, then 3 bits, then 29 bits."""
+    return (report >> 29) & 7, report >> 32, report & ((1 << 29) - 1)
+
+
+@wp.func
+def write_report(
+    status: wp.array[wp.int64], slot: wp.int32, what: wp.int32, particle: wp.int32, partner: wp.int32
+):
+    """One number, so that its parts come from one thread; the smallest stays: the first particle."""
+    head = (wp.int64(particle) << wp.int64(32)) | (wp.int64(what) << wp.int64(29))
+    wp.atomic_min(status, slot % SLOTS, head | wp.int64(partner))
 
 
 @wp.func
@@ -45,7 +64,7 @@ def last_cell(c: wp.int32, n: wp.int32, periodic: wp.int32):
 
 
 @wp.func
-def wrapped(c: wp.int32, n: wp.int32):
+def wrapped_cell(c: wp.int32, n: wp.int32):
     """Cell c, at most one outside 0..n-1, of a periodic axis."""
     if c < 0:
         return c + n
@@ -55,62 +74,75 @@ def wrapped(c: wp.int32, n: wp.int32):
 
 
 @functools.cache
-def cell_kernel(spec: Spec) -> Any:
-    """Wraps periodic positions, writes the cell of each particle, reports lost particles and NaN."""
-    t = structs(spec.precision, spec.vibration)
-    wide3 = t.wide3
-    Params, Particles = t.Params, t.Particles
-    Body = body_struct(spec)
-    px, py, pz = spec.periodic
+def periodic_wrap(wide: Any) -> Any:
+    """A function (x, lo, hi) -> (x within lo <= x < hi, crossings): 1 through the upper face, -1 the lower.
+
+    Both faces are one place: what is on the upper one, or rounded to it, stands at lo.
+    """
 
     @wp.func
-    def wrap(x: t.wide, lo: t.wide, size: t.wide):
+    def wrap(x: wide, lo: wide, hi: wide):
+        if x >= hi:
+            return wp.max(x - (hi - lo), lo), wp.int32(1)
         if x < lo:
-            x = x + size
-        elif x >= lo + size:
-            x = x - size
-        return x
+            y = x + (hi - lo)
+            if y >= hi:
+                return lo, wp.int32(0)
+            return y, wp.int32(-1)
+        return x, wp.int32(0)
+
+    return wrap
+
+
+@functools.cache
+def cell_kernel(spec: Spec) -> Any:
+    """Wraps periodic positions, writes the cell of each particle, reports lost particles and NaN."""
+    t = structs(spec.precision)
+    Params, Particles, Body, wide3 = t.Params, t.Particles, body_struct(spec), t.wide3
+    px, py, pz = spec.periodic
+    wrap = periodic_wrap(t.wide)
 
     @wp.kernel(module="unique", enable_backward=False)
     def cells(
         # params
         params: Params,
         begin: wp.int32,
-        # in
-        particles: Particles,
         # in and out
+        particles: Particles,
         now: wp.array[Body],
         # out
         key: wp.array[wp.int32],
         order: wp.array[wp.int32],
-        status: wp.array[wp.int32],
+        status: wp.array[wp.int64],
     ):
         i = begin + wp.tid()
         p = now[i].position
         x, y, z = p[0], p[1], p[2]
+        cx, cy, cz = wp.int32(0), wp.int32(0), wp.int32(0)
         if wp.static(px):
-            x = wrap(x, params.lo[0], params.size[0])
+            x, cx = wrap(x, params.lo[0], params.hi[0])
         if wp.static(py):
-            y = wrap(y, params.lo[1], params.size[1])
+            y, cy = wrap(y, params.lo[1], params.hi[1])
         if wp.static(pz):
-            z = wrap(z, params.lo[2], params.size[2])
+            z, cz = wrap(z, params.lo[2], params.hi[2])
         p = wide3(x, y, z)
-        now[i].position = p
+        if wp.static(px or py or pz):
+            now[i].position = p
+            particles.image[i] = particles.image[i] + wp.vec3i(cx, cy, cz)
+        slot = i // params.block
         cell = wp.vec3i()
         for a in range(3):
             s = p[a] - params.lo[a]
-            if not (s >= t.wide(0.0) and s <= params.size[a]):
-                code = wp.int32(LOST)
+            if not (p[a] >= params.lo[a] and p[a] <= params.hi[a]):
+                what = wp.int32(LOST)
                 if s != s:
-                    code = wp.int32(NOT_A_NUMBER)
-                status[1] = particles.id[i]
-                status[0] = code
+                    what = wp.int32(NOT_A_NUMBER)
+                write_report(status, slot, what, particles.id[i], 0)
                 s = t.wide(0.0)
-            cell[a] = wp.min(wp.int32(s * params.cell_rate[a]), params.cells[a] - 1)
+            cell[a] = wp.min(wp.int32(s * params.inv_cell_size[a]), params.cells[a] - 1)
         v = now[i].velocity
         if wp.dot(v, v) > params.speed_limit:
-            status[1] = particles.id[i]
-            status[0] = wp.int32(TOO_FAST)
+            write_report(status, slot, wp.int32(TOO_FAST), particles.id[i], 0)
         fast, middle, slow = params.axes[0], params.axes[1], params.axes[2]
         key[i] = (cell[slow] * params.cells[middle] + cell[middle]) * params.cells[fast] + cell[fast]
         order[i] = i
@@ -120,11 +152,9 @@ def cell_kernel(spec: Spec) -> Any:
 
 @functools.cache
 def gather_kernel(spec: Spec) -> Any:
-    """Copies the particle arrays into scratch arrays in the new order; marks the planes near a particle."""
-    t = structs(spec.precision, spec.vibration)
-    Params, Particles, Walls = t.Params, t.Particles, t.Walls
-    Body = body_struct(spec)
-    walls_with_memory = spec.walls and spec.memory
+    """Copies the particle arrays into scratch arrays in the new order."""
+    t = structs(spec.precision)
+    Params, Particles, Body = t.Params, t.Particles, body_struct(spec)
 
     @wp.kernel(module="unique", enable_backward=False)
     def gather(
@@ -133,61 +163,25 @@ def gather_kernel(spec: Spec) -> Any:
         begin: wp.int32,
         # in
         order: wp.array[wp.int32],
-        walls: Walls,
         now: wp.array[Body],
         particles: Particles,
         # out
-        moved: wp.array[Body],
-        moved_particles: Particles,
-        status: wp.array[wp.int32],
+        sorted_bodies: wp.array[Body],
+        sorted_particles: Particles,
     ):
         i = begin + wp.tid()
         o = order[i]
-        moved[i] = now[o]
-        moved_particles.built_at[i] = now[o].position
-        moved_particles.id[i] = particles.id[o]
-        if wp.static(spec.several_radii):
-            moved_particles.radius[i] = particles.radius[o]
-        if wp.static(spec.several_masses):
-            moved_particles.mass[i] = particles.mass[o]
-        if wp.static(spec.several_materials):
-            moved_particles.material[i] = particles.material[o]
-        if wp.static(spec.walls):
-            reach = params.radius
-            if wp.static(spec.several_radii):
-                reach = particles.radius[o]
-            near = wp.int32(0)
-            for k in range(params.planes):
-                distance = plane_distance(now[o].position, walls.normal[k], walls.offset[k])
-                within = reach + params.skin
-                if wp.static(spec.vibration):
-                    floor = walls.floor[k]
-                    if floor < 0:  # found now, and until the next rebuild wherever in its stroke
-                        distance = distance - particles.wall_shift[k]
-                        within = within + (walls.stroke[k] - particles.wall_shift[k])
-                    else:
-                        rise = particles.wall_rise[floor * params.n + o]
-                        moved_particles.wall_rise[floor * params.n + i] = rise
-                        if rise >= t.wide(0.0):
-                            distance = distance - rise
-                            within = wp.max(within, distance + params.skin)  # until they part
-                if distance < within:
-                    near = near | (1 << k)
-                    if distance < reach - params.overlap_limit * reach:
-                        status[1] = particles.id[o]
-                        status[2] = k
-                        status[0] = wp.int32(DEEP_IN_WALL)
-            moved_particles.wall_near[i] = near
-        if wp.static(walls_with_memory):
-            touch = particles.wall_touch[o]
-            moved_particles.wall_touch[i] = touch
-            for k in range(params.planes):
-                if touch & (1 << k):
-                    here, there = k * params.n + i, k * params.n + o
-                    if wp.static(spec.history):
-                        moved_particles.wall_spring[here] = particles.wall_spring[there]
-                    if wp.static(spec.rolling_history):
-                        moved_particles.wall_rolling[here] = particles.wall_rolling[there]
+        sorted_bodies[i] = now[o]
+        sorted_particles.x_at_rebuild[i] = now[o].position
+        sorted_particles.id[i] = particles.id[o]
+        if wp.static(spec.polydisperse):
+            sorted_particles.radius[i] = particles.radius[o]
+        if wp.static(spec.per_particle_mass):
+            sorted_particles.mass[i] = particles.mass[o]
+        if wp.static(spec.multi_material):
+            sorted_particles.material[i] = particles.material[o]
+        if wp.static(any(spec.periodic)):
+            sorted_particles.image[i] = particles.image[o]
 
     return gather
 
@@ -214,164 +208,296 @@ def cell_starts(
 
 
 @wp.kernel(enable_backward=False)
-def decide(
+def check_rebuild(
     # in
     n: wp.int32,
     capacity: wp.int32,
     start: wp.array[wp.int32],
-    status: wp.array[wp.int32],
+    status: wp.array[wp.int64],
     # out
-    fits: wp.array[wp.int32],
-    inside: wp.array[wp.int32],
+    list_fits: wp.array[wp.int32],
+    graph_rebuilds: wp.array[wp.int32],
 ):
-    """Whether a rebuild within a graph may go on to its list; counts it, or says that it stopped here."""
-    fits[0] = 0
-    if status[0] == OK and start[n] <= capacity:
-        fits[0] = 1
-        inside[0] = inside[0] + 1
+    """Whether a rebuild within a graph may go on to its list; counts it, or says that it is suspended."""
+    reports = wp.int32(0)
+    for k in range(SLOTS):
+        if status[k] != wp.int64(NO_REPORT):
+            reports += 1
+    list_fits[0] = 0
+    if reports == 0 and start[n] <= capacity:
+        list_fits[0] = 1
+        graph_rebuilds[0] = graph_rebuilds[0] + 1
     else:
-        inside[1] = 1
+        graph_rebuilds[1] = 1
 
 
 @functools.cache
-def list_kernel(spec: Spec, fill: bool) -> Any:
-    """Counts the neighbours of each particle, or (`fill`) writes them and finds springs of touching pairs."""
-    t = structs(spec.precision, spec.vibration)
-    Params, Particles = t.Params, t.Particles
+def entry_search(spec: Spec) -> Any:
+    """A function: where the old list of a particle holds a partner; -1: nowhere.
+
+    `partner` is an old place of a particle, or n + a wall. Only a contact of the last step counts, but for
+    walls (`any_wall`), whose entry may hold what a fast floor has risen.
+    """
+    t = structs(spec.precision)
+    get_int = access(wp.int32).get
+
+    @wp.func
+    def find(particles: t.Particles, at: wp.int32, partner: wp.int32, any_wall: bool):
+        found = wp.int32(-1)
+        for k in range(particles.start[at], particles.start[at + 1]):
+            entry = get_int(particles.neighbor, k)
+            if entry == -partner - 1 or (any_wall and entry == partner):
+                found = wp.int32(0) + k  # a copy: Warp would name the loop's own variable
+                break
+        return found
+
+    return find
+
+
+@functools.cache
+def neighbor_search(spec: Spec) -> Any:
+    """A function: writes the neighbors of particle i, those in contact first; returns how many there are.
+
+    They go to `out` from `base` on, as many as there is `room` for.
+    """
+    t = structs(spec.precision)
+    Params, Particles, wide = t.Params, t.Particles, t.wide
     nearest = nearest_image(spec.periodic, spec.precision)
-    carry = fill and spec.memory
     get, integers = access(t.wide3).get, access(wp.int32)
     get_int, put_int = integers.get, integers.put
 
     @wp.func
-    def entry(particles: Particles, at: wp.int32, other: wp.int32):
-        """Where the old list of `at` holds `other` as touching; -1: nowhere."""
-        found = wp.int32(-1)
-        for k in range(particles.start[at], particles.start[at + 1]):
-            if get_int(particles.neighbor, k) == -other - 1:
-                found = wp.int32(0) + k
-                break
-        return found
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def build(
-        # params
-        params: Params,
-        begin: wp.int32,
-        # in
-        particles: Particles,
-        key: wp.array[wp.int32],
-        cell_start: wp.array[wp.int32],
-        order: wp.array[wp.int32],
-        # in (fill) or out (count)
-        start: wp.array[wp.int32],
-        hits: wp.array[wp.int32],
-        # out
-        neighbor: wp.array[wp.int32],
-        spring: wp.array[t.vec3],
-        rolling: wp.array[t.vec3],
-        status: wp.array[wp.int32],
-    ):
-        i = begin + wp.tid()
-        x = particles.built_at[i]
-        reach = params.radius + params.radius
-        if wp.static(spec.several_radii):
-            reach = particles.radius[i]
+    def search(
+        params: Params, particles: Particles, cell: wp.int32, cell_start: wp.array[wp.int32], i: wp.int32,
+        out: wp.array[wp.int32], base: wp.int32, room: wp.int32, status: wp.array[wp.int64],
+    ):  # fmt: skip
+        x = particles.x_at_rebuild[i]
+        reach = params.radius + params.radius + params.range
+        if wp.static(spec.polydisperse):
+            reach = particles.radius[i] + params.range
         block = wp.int32(0)  # first particle of the block
         if wp.static(spec.half_list):
             block = i // params.block * params.block
         # a, b, c: along the fastest axis of the sorted order, the middle one, the slowest
-        around_a, around_b = params.around[params.axes[0]], params.around[params.axes[1]]
-        around_c = params.around[params.axes[2]]
-        na, nb = params.cells[params.axes[0]], params.cells[params.axes[1]]
-        nc = params.cells[params.axes[2]]
-        a = key[i] % na
-        b = key[i] // na % nb
-        c = key[i] // (na * nb)
-        count = wp.int32(0)
-        touching = wp.int32(0)
-        first = wp.int32(0)
-        lowest = first_cell(c, nc, around_c)
-        highest = last_cell(c, nc, around_c)
-        if wp.static(fill):
-            first = start[i]
-            found = start[i + 1] - first
-            if found <= HITS:  # all remembered: nothing to search
-                highest = lowest - 1
-                for m in range(found):
-                    put_int(neighbor, first + m, get_int(hits, i * HITS + m))
-                count = wp.int32(0) + found
-        for at_c in range(lowest, highest + 1):
+        around_a, around_b = params.is_periodic[params.axes[0]], params.is_periodic[params.axes[1]]
+        around_c = params.is_periodic[params.axes[2]]
+        na, nb, nc = params.cells[params.axes[0]], params.cells[params.axes[1]], params.cells[params.axes[2]]
+        a, b, c = cell % na, cell // na % nb, cell // (na * nb)
+        count, touching = wp.int32(0), wp.int32(0)
+        for at_c in range(first_cell(c, nc, around_c), last_cell(c, nc, around_c) + 1):
             for at_b in range(first_cell(b, nb, around_b), last_cell(b, nb, around_b) + 1):
-                row = (wrapped(at_c, nc) * nb + wrapped(at_b, nb)) * na
-                # cells along a lie side by side in the sorted order: one run, unless they wrap round
-                left = first_cell(a, na, around_a)
-                right = last_cell(a, na, around_a)
-                runs = wp.int32(1)
+                row = (wrapped_cell(at_c, nc) * nb + wrapped_cell(at_b, nb)) * na
+                # cells along a lie side by side in the sorted order: one span, unless they wrap round
+                left, right = first_cell(a, na, around_a), last_cell(a, na, around_a)
+                spans = wp.int32(1)
                 if left < 0 or right >= na:
-                    runs = right - left + 1
-                for run in range(runs):
-                    begin_cell = row + left
-                    end_cell = row + right + 1
-                    if runs > 1:
-                        begin_cell = row + wrapped(left + run, na)
+                    spans = right - left + 1
+                for span in range(spans):
+                    begin_cell, end_cell = row + left, row + right + 1
+                    if spans > 1:
+                        begin_cell = row + wrapped_cell(left + span, na)
                         end_cell = begin_cell + 1
                     begin_j = get_int(cell_start, begin_cell)
                     if wp.static(spec.half_list):
                         if begin_j >= block:
                             begin_j = wp.max(begin_j, i + 1)
                     for j in range(begin_j, get_int(cell_start, end_cell)):
-                        d = nearest(x - get(particles.built_at, j), params.size)
+                        d = nearest(x - get(particles.x_at_rebuild, j), params.size)
                         rsq = wp.dot(d, d)
                         touch = reach
-                        if wp.static(spec.several_radii):
+                        if wp.static(spec.polydisperse):
                             touch = reach + particles.radius[j]
                         limit = touch + params.skin
                         if rsq < limit * limit and j != i:
                             if wp.static(spec.half_list):
                                 if j >= block and j < i:
                                     continue
-                            at = wp.int32(0) + count
-                            found_j = wp.int32(0) + j
+                            at, entry = wp.int32(0) + count, wp.int32(0) + j
                             if rsq < touch * touch:
-                                if wp.static(spec.memory):
-                                    found_j = -j - 1
+                                if wp.static(spec.contact_history):
+                                    entry = -j - 1
                                 at = wp.int32(0) + touching
                                 touching += 1
                                 smaller = params.radius
-                                if wp.static(spec.several_radii):
+                                if wp.static(spec.polydisperse):
                                     smaller = wp.min(particles.radius[i], particles.radius[j])
-                                deep = touch - params.overlap_limit * smaller
-                                if deep > t.wide(0.0) and rsq < deep * deep:
-                                    status[1] = particles.id[i]
-                                    status[2] = particles.id[j]
-                                    status[0] = wp.int32(TOO_DEEP)
-                            if wp.static(fill):
-                                put_int(neighbor, first + count, get_int(neighbor, first + at))
-                                put_int(neighbor, first + at, found_j)
-                            elif count < HITS:
-                                put_int(hits, i * HITS + count, get_int(hits, i * HITS + at))
-                                put_int(hits, i * HITS + at, found_j)
+                                deep = touch - params.range - params.overlap_limit * smaller
+                                if deep > wide(0.0) and rsq < deep * deep:
+                                    write_report(
+                                        status, i // params.block, wp.int32(TOO_DEEP),
+                                        particles.id[i], particles.id[j],
+                                    )  # fmt: skip
+                            if count < room:
+                                put_int(out, base + count, get_int(out, base + at))
+                                put_int(out, base + at, entry)
                             count += 1
-        if wp.static(not fill):
-            start[i] = count
-        if wp.static(carry):
-            o = order[i]
-            for m in range(first, first + count):
-                if neighbor[m] < 0:
-                    j = -neighbor[m] - 1
-                    sign = t.real(1.0)
-                    k = entry(particles, o, order[j])
-                    if wp.static(spec.half_list):
-                        if k < 0:
-                            k = entry(particles, order[j], o)
-                            sign = t.real(-1.0)
-                    if k < 0:
-                        neighbor[m] = j
-                    else:
-                        if wp.static(spec.history):
-                            spring[m] = sign * particles.spring[k]
-                        if wp.static(spec.rolling_history):
-                            rolling[m] = sign * particles.rolling[k]
+        return count
 
-    return build
+    return search
+
+
+@functools.cache
+def wall_search(spec: Spec) -> Any:
+    """A function: appends the walls near particle i to its `count` entries; returns the new number.
+
+    A moving wall is looked for once for its whole stroke; under a fast floor a particle stays in its list
+    until they part.
+    """
+    t = structs(spec.precision)
+    Params, Particles, Walls = t.Params, t.Particles, t.Walls
+    put_int, find = access(wp.int32).put, entry_search(spec)
+    surface = wall_surface(spec.walls)
+
+    @wp.func
+    def search(
+        params: Params, particles: Particles, walls: Walls, i: wp.int32, old: wp.int32, count: wp.int32,
+        out: wp.array[wp.int32], base: wp.int32, room: wp.int32, status: wp.array[wp.int64],
+    ):  # fmt: skip
+        x = particles.x_at_rebuild[i]
+        radius = params.radius
+        if wp.static(spec.polydisperse):
+            radius = particles.radius[i]
+        for k in range(walls.present.shape[0]):
+            w = walls.present[k]
+            gap, _normal = surface(walls, w, x)
+            within = radius + params.range + params.skin
+            if wp.static(spec.moving_walls):
+                within = within + walls.stroke[w]
+            near = gap < within
+            if wp.static(spec.moving_walls):
+                if walls.fast[w] != 0:
+                    at = find(particles, old, params.n + w, True)
+                    if at >= 0 and particles.rise[at] >= t.wide(0.0):
+                        gap = gap - particles.rise[at]
+                        near = True
+                else:
+                    gap, _normal_now = surface(walls, w, x - walls.displacement[w])
+            if near:
+                if gap < radius - params.overlap_limit * radius:
+                    write_report(status, i // params.block, wp.int32(DEEP_IN_WALL), particles.id[i], w)
+                if count < room:
+                    put_int(out, base + count, params.n + w)
+                count += 1
+        return count
+
+    return search
+
+
+@functools.cache
+def count_kernel(spec: Spec) -> Any:
+    """Counts the entries of each particle, and stores as many of them as its cache holds."""
+    t = structs(spec.precision)
+    Params, Particles, Walls = t.Params, t.Particles, t.Walls
+    neighbors = neighbor_search(spec)
+    walls_of = wall_search(spec) if spec.walls else None
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def count_entries(
+        # params
+        params: Params,
+        begin: wp.int32,
+        # in
+        particles: Particles,
+        walls: Walls,
+        key: wp.array[wp.int32],
+        cell_start: wp.array[wp.int32],
+        order: wp.array[wp.int32],
+        # out
+        count: wp.array[wp.int32],
+        neighbor_count: wp.array[wp.int32],
+        cache: wp.array[wp.int32],
+        status: wp.array[wp.int64],
+    ):
+        i = begin + wp.tid()
+        base = i * CACHE_SIZE
+        found = neighbors(params, particles, key[i], cell_start, i, cache, base, CACHE_SIZE, status)
+        if wp.static(bool(spec.walls)):
+            neighbor_count[i] = found
+            found = walls_of(params, particles, walls, i, order[i], found, cache, base, CACHE_SIZE, status)
+        count[i] = found
+
+    return count_entries
+
+
+@functools.cache
+def fill_kernel(spec: Spec) -> Any:
+    """Writes the entries of each particle, and carries the history of its contacts over from the old list."""
+    t = structs(spec.precision)
+    Params, Particles, Walls, vec3 = t.Params, t.Particles, t.Walls, t.vec3
+    neighbors, find = neighbor_search(spec), entry_search(spec)
+    walls_of = wall_search(spec) if spec.walls else None
+    get_int, put_int = access(wp.int32).get, access(wp.int32).put
+
+    @wp.func
+    def carry(
+        params: Params, particles: Particles, walls: Walls, order: wp.array[wp.int32], o: wp.int32,
+        m: wp.int32, neighbor: wp.array[wp.int32], spring: wp.array[vec3], rolling_torque: wp.array[vec3],
+        rise: wp.array[t.wide],
+    ):  # fmt: skip
+        """The history of entry m of the particle that was at o: a wall, or a neighbor now in contact."""
+        other = neighbor[m]
+        if other >= 0 and other < params.n:
+            return
+        sign = t.real(1.0)
+        if other >= params.n:
+            k = find(particles, o, other, True)
+            if wp.static(spec.moving_walls):
+                if walls.fast[other - params.n] != 0:
+                    rise[m] = t.wide(-1.0)
+                    if k >= 0:
+                        rise[m] = particles.rise[k]
+        else:
+            other = -other - 1
+            k = find(particles, o, order[other], False)
+            if wp.static(spec.half_list):
+                if k < 0:
+                    k = find(particles, order[other], o, False)
+                    sign = t.real(-1.0)
+        if wp.static(spec.contact_history):
+            neighbor[m] = other
+            if k >= 0 and get_int(particles.neighbor, k) < 0:
+                neighbor[m] = -other - 1
+                if wp.static(spec.spring_history):
+                    spring[m] = sign * particles.spring[k]
+                if wp.static(spec.rolling_history):
+                    rolling_torque[m] = sign * particles.rolling_torque[k]
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def fill_entries(
+        # params
+        params: Params,
+        begin: wp.int32,
+        # in
+        walls: Walls,
+        key: wp.array[wp.int32],
+        cell_start: wp.array[wp.int32],
+        order: wp.array[wp.int32],
+        start: wp.array[wp.int32],
+        neighbor_count: wp.array[wp.int32],
+        cache: wp.array[wp.int32],
+        # in and out
+        particles: Particles,
+        # out
+        neighbor: wp.array[wp.int32],
+        spring: wp.array[vec3],
+        rolling_torque: wp.array[vec3],
+        rise: wp.array[t.wide],
+        status: wp.array[wp.int64],
+    ):
+        i = begin + wp.tid()
+        first = start[i]
+        room = start[i + 1] - first
+        if room <= CACHE_SIZE:  # all of them are in the cache: nothing to search
+            for m in range(room):
+                put_int(neighbor, first + m, get_int(cache, i * CACHE_SIZE + m))
+        else:
+            found = neighbors(params, particles, key[i], cell_start, i, neighbor, first, room, status)
+            if wp.static(bool(spec.walls)):
+                walls_of(params, particles, walls, i, order[i], found, neighbor, first, room, status)
+        if wp.static(bool(spec.walls)):
+            particles.wall_start[i] = first + neighbor_count[i]
+        if wp.static(spec.contact_history or spec.moving_walls):
+            for m in range(first, first + room):
+                carry(params, particles, walls, order, order[i], m, neighbor, spring, rolling_torque, rise)
+
+    return fill_entries

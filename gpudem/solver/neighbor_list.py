@@ -1,4 +1,4 @@
-"""The neighbour list of a run: its buffers, and the rebuild as a sequence of launches."""
+"""The list of neighbors and walls of a run: its buffers, and the rebuild as a sequence of launches."""
 
 from __future__ import annotations
 
@@ -13,22 +13,25 @@ from gpudem.errors import SimulationError
 from gpudem.scene import Scene
 from gpudem.solver import guards
 from gpudem.solver.neighbor_kernels import (
+    CACHE_SIZE,
     DEEP_IN_WALL,
-    HITS,
     LOST,
+    NO_REPORT,
     NOT_A_NUMBER,
-    OK,
+    SLOTS,
     TOO_DEEP,
     TOO_FAST,
     cell_kernel,
     cell_starts,
-    decide,
+    check_rebuild,
+    count_kernel,
+    fill_kernel,
     gather_kernel,
-    list_kernel,
+    unpack_report,
 )
 from gpudem.solver.scan import ExclusiveScan, group_starts, group_sums
 from gpudem.solver.state import State
-from gpudem.solver.thread_pool import Crew
+from gpudem.solver.thread_pool import CpuThreadPool
 
 
 def cell_grid(scene: Scene) -> tuple[tuple[int, int, int], np.ndarray]:
@@ -47,7 +50,7 @@ def cell_grid(scene: Scene) -> tuple[tuple[int, int, int], np.ndarray]:
 def layers_of_cells(position: np.ndarray, cell_rate: np.ndarray) -> np.ndarray:
     """Layers of cells along x, y, z that hold particles; outliers, a twentieth on each side, are left out.
 
-    Sorted along the axis with most of them, a layer is small: neighbours lie near each other in memory, and
+    Sorted along the axis with most of them, a layer is small: neighbors lie near each other in memory, and
     blocks of the half list have few pairs across.
     """
     low, high = np.nan_to_num(np.quantile(position, (0.05, 0.95), axis=0))
@@ -66,75 +69,74 @@ def block_size(n: int, layers: float) -> int:
 
 
 class NeighborList:
-    """Rebuilds the list of a State when told to."""
+    """Rebuilds the list of a State when told to.
 
-    def __init__(self, scene: Scene, state: State, params: Any, crew: Crew):
-        self.state, self.params, self.crew, self.scene = state, params, crew, scene
-        self._by_host = 0
-        self.walls: Any = state.types.Walls()
+    `on_reallocate` is called when list arrays were replaced: launches recorded elsewhere are out of date.
+    `when` gives the time of an error in words.
+    """
+
+    def __init__(self, scene: Scene, state: State, params: Any, pool: CpuThreadPool):
+        self.state, self.params, self.pool, self.scene = state, params, pool, scene
+        self._host_rebuilds = 0
         spec, device, n, t = state.spec, state.device, state.n, state.types
+        self.walls: Any = t.Walls()
         self.cells = math.prod(params.cells)
-        self.key = wp.zeros(2 * n, dtype=wp.int32, device=device)
-        self.order = wp.zeros(2 * n, dtype=wp.int32, device=device)
-        self.cell_start = wp.zeros(self.cells + 1, dtype=wp.int32, device=device)
-        self.start = wp.zeros(n + 1, dtype=wp.int32, device=device)
-        self.count = wp.zeros(n + 1, dtype=wp.int32, device=device)
-        self.hits = wp.zeros(n * HITS, dtype=wp.int32, device=device)
-        self.status = wp.zeros(3, dtype=wp.int32, device=device)
+
+        def integers(count: int) -> Any:
+            return wp.zeros(count, dtype=wp.int32, device=device)
+
+        self.key, self.order, self.cell_start = integers(2 * n), integers(2 * n), integers(self.cells + 1)
+        self.start, self.count, self.cache = integers(n + 1), integers(n + 1), integers(n * CACHE_SIZE)
+        self.neighbor_count = integers(n) if spec.walls else None
+        self.status = wp.full(SLOTS, NO_REPORT, dtype=wp.int64, device=device)
         self.scan = ExclusiveScan(self.count, self.start)
-        self.fits = wp.zeros(1, dtype=wp.int32, device=device)
+        self.list_fits = integers(1)
         """1: the last search on the device found nothing wrong, and the list has room."""
-        self.inside = wp.zeros(2, dtype=wp.int32, device=device)
-        """Of rebuilds within a graph: how many there were; 1: one stopped half way."""
+        self.graph_rebuilds = integers(2)
+        """Rebuilds within a graph: how many there were; 1: one was suspended half way."""
+        self._history_arrays = {
+            **({"spring": t.vec3} if spec.spring_history else {}),
+            **({"rolling_torque": t.vec3} if spec.rolling_history else {}),
+            **({"rise": t.wide} if any(wall.fast_floor for wall in scene.wall_elements) else {}),
+        }
+        self.spring = self.rolling_torque = self.rise = None
+        self._permuted_arrays = ["id", *(["image"] * any(spec.periodic)), *(["radius"] * spec.polydisperse)]
+        self._permuted_arrays += ["mass"] * spec.per_particle_mass + ["material"] * spec.multi_material
         self.scratch = t.Particles()
-        self._moved_arrays = ["id"]
-        self._moved_arrays += ["radius"] * spec.several_radii + ["mass"] * spec.several_masses
-        self._moved_arrays += ["material"] * spec.several_materials
-        self._moved_arrays += ["wall_near"] * bool(state.planes)
-        self._moved_arrays += ["wall_rise"] * (spec.vibration and state.particles.wall_rise is not None)
-        if spec.memory and state.planes:
-            self._moved_arrays += ["wall_touch", *(["wall_spring"] * spec.history)]
-            self._moved_arrays += ["wall_rolling"] * spec.rolling_history
-        self._kept = [*(["spring"] * spec.history), *(["rolling"] * spec.rolling_history)]
-        self.spring = self.rolling = None
-        self.scratch.built_at = state.particles.built_at  # rebuilding writes it anew
-        for name in self._moved_arrays:
+        self.scratch.x_at_rebuild = state.particles.x_at_rebuild  # rebuilding writes it anew
+        for name in self._permuted_arrays:
             setattr(self.scratch, name, wp.zeros_like(getattr(state.particles, name)))
         self.kernels = {
             "cells": cell_kernel(spec),
             "gather": gather_kernel(spec),
-            "count": list_kernel(spec, fill=False),
-            "fill": list_kernel(spec, fill=True),
+            "count": count_kernel(spec),
+            "fill": fill_kernel(spec),
             "cell_starts": cell_starts,
-            "decide": decide,
+            "check_rebuild": check_rebuild,
             "group_sums": group_sums,
             "group_starts": group_starts,
         }
-        self._commands: dict[tuple[str, int], Callable[[], None]] = {}
-        self.grew: Callable[[], None] = lambda: None
-        """Called when list arrays were replaced: recorded launches elsewhere are out of date."""
+        self._launches: dict[tuple[str, int], Callable[[], None]] = {}
+        self.on_reallocate: Callable[[], None] = lambda: None
+        self.when: Callable[[], str] = lambda: ""
         self._allocate((6 if spec.half_list else 12) * n + 64)  # grows where it is denser
 
     def _allocate(self, capacity: int) -> None:
+        """Arrays of so many entries; the old list stays: its history is still to be carried over."""
         state = self.state
         p, device = state.particles, state.device
-        if p.neighbor is None or self.rebuilds == 0:
-            p.neighbor = wp.zeros(capacity, dtype=wp.int32, device=device)
-            for name in self._kept:
-                setattr(p, name, wp.zeros(capacity, dtype=state.types.vec3, device=device))
-        else:  # keep what the old list holds: its springs are still to be carried over
-            for name in ("neighbor", *self._kept):
-                grown = wp.zeros(capacity, dtype=getattr(p, name).dtype, device=device)
+        arrays = {"neighbor": wp.int32, **self._history_arrays}
+        for name, dtype in arrays.items():
+            grown = wp.zeros(capacity, dtype=dtype, device=device)
+            if self.rebuilds > 0:
                 wp.copy(grown, getattr(p, name), count=self.capacity)
-                setattr(p, name, grown)
-        self.neighbor = wp.zeros(capacity, dtype=wp.int32, device=device)
-        for name in self._kept:
-            setattr(self, name, wp.zeros(capacity, dtype=state.types.vec3, device=device))
+            setattr(p, name, grown)
+            setattr(self, name, wp.zeros(capacity, dtype=dtype, device=device))
         self.capacity = capacity
-        self._commands.clear()
-        self.grew()
+        self._launches.clear()
+        self.on_reallocate()
 
-    def choices(self) -> dict[str, Any]:
+    def tuning(self) -> dict[str, Any]:
         """What was chosen by rule: skin [m], cells along x, y, z, the sorted order, particles of a block."""
         p = self.params
         chosen = {"skin": self.scene.skin, "cells": [int(c) for c in p.cells]}
@@ -146,71 +148,78 @@ class NeighborList:
     @property
     def rebuilds(self) -> int:
         """How often the list was made anew."""
-        return self._by_host + int(self.inside.numpy()[0])
+        return self._host_rebuilds + int(self.graph_rebuilds.numpy()[0])
 
     @rebuilds.setter
     def rebuilds(self, count: int) -> None:
-        self._by_host = count
-        self.inside.zero_()
+        self._host_rebuilds = count
+        self.graph_rebuilds.zero_()
 
     @property
     def entry_arrays(self) -> tuple[str, ...]:
         """Arrays of `state.particles` with one value for each entry of the list."""
-        return ("neighbor", *self._kept)
+        return ("neighbor", *self._history_arrays)
 
-    def make_room(self, entries: int) -> None:
+    @property
+    def permuted_arrays(self) -> tuple[str, ...]:
+        """Arrays of `state.particles` that a rebuild sorts."""
+        return tuple(self._permuted_arrays)
+
+    def reserve(self, entries: int) -> None:
         """Let the list hold so many entries, whose old values are lost."""
         if entries > self.capacity:
             self.rebuilds = 0
             self._allocate(int(1.2 * entries))
 
     def set_walls(self, walls: Any) -> None:
-        """The planes to look for from now on, in the order `params` now say; `rebuild` must follow."""
+        """The walls to look for from now on, in the order that `params` now say; `rebuild` must follow."""
         self.walls = walls
-        self._commands.clear()
+        self._launches.clear()
 
     def rebuild(self) -> None:
         """Sort, re-order, list (which grows where needed). Raises SimulationError: lost particle or NaN."""
         self._search()
-        self.go_on()
+        self.finish_rebuild()
 
-    def rebuild_inside(self, launch: int) -> None:
-        """The same before a launch of a graph, where a particle asks for it; the host has no look at it.
+    def rebuild_in_graph(self, launch: int) -> None:
+        """The same before a launch of a graph, where a particle requests it; the host does not take part.
 
         Afterwards `now` is the array it was, for a graph cannot swap on a condition. Where something is wrong
-        or the list has no room it stops half way and `moved[launch]` stays: no step is done until `go_on`.
+        or the list has no room it is suspended half way and `rebuild_pending[launch]` stays: no step is done
+        until `finish_rebuild`.
         """
-        wp.capture_if(self.state.particles.asked[launch : launch + 1], on_true=self._inside, launch=launch)
+        requested = self.state.particles.rebuild_requested[launch : launch + 1]
+        wp.capture_if(requested, on_true=self._graph_rebuild_body, launch=launch)
 
-    def _inside(self, launch: int) -> None:
+    def _graph_rebuild_body(self, launch: int) -> None:
         self._search()
         wp.copy(self.state.next, self.state.now)
         self.state.swap()
         wp.launch(
-            decide, 1, inputs=[self.state.n, self.capacity, self.start, self.status],
-            outputs=[self.fits, self.inside], device=self.state.device,
+            check_rebuild, 1, inputs=[self.state.n, self.capacity, self.start, self.status],
+            outputs=[self.list_fits, self.graph_rebuilds], device=self.state.device,
         )  # fmt: skip
-        wp.capture_if(self.fits, on_true=self._fill, launch=launch)
+        wp.capture_if(self.list_fits, on_true=self._fill, launch=launch)
 
-    def stopped(self) -> bool:
-        """Whether a rebuild within a graph has stopped half way; `go_on` must follow."""
-        return bool(self.inside.numpy()[1])
+    def is_suspended(self) -> bool:
+        """Whether a rebuild within a graph was suspended half way; `finish_rebuild` must follow."""
+        return bool(self.graph_rebuilds.numpy()[1])
 
-    def go_on(self) -> None:
-        """The second half of a rebuild, after a look at the first: what was found becomes the list.
+    def finish_rebuild(self) -> None:
+        """The second half of a rebuild, once the host has seen the first: what was found becomes the list.
 
-        Raises SimulationError for what was wrong.
+        Raises SimulationError for what was reported.
         """
         self._check()
         total = int(self.start[self.state.n : self.state.n + 1].numpy()[0])
         if total > self.capacity:
             self._allocate(int(1.2 * total))
         self._fill()
-        self.inside[1:].zero_()
-        self._by_host += 1
+        self.graph_rebuilds[1:].zero_()
+        self._host_rebuilds += 1
 
     def _search(self) -> None:
-        """Cells, order, particle arrays in that order, neighbours counted, places in the list."""
+        """Cells, order, particle arrays in that order, entries counted, places in the list."""
         state, p = self.state, self.state.particles
         self._run("cells")
         wp.utils.radix_sort_pairs(self.key, self.order, state.n, end_bit=max(1, self.cells.bit_length()))
@@ -223,48 +232,49 @@ class NeighborList:
         )
         self._run("gather")
         state.swap()
-        for name in self._moved_arrays:
+        for name in self._permuted_arrays:
             wp.copy(getattr(p, name), getattr(self.scratch, name))
         self._run("count")
         self.scan.run()
 
     def _fill(self, launch: int | None = None) -> None:
-        """Writes the list, with the springs that go on; takes back that `launch`, or any, asked for it."""
+        """Writes the list, with the history that goes on; clears the request of `launch`, or of any."""
         p = self.state.particles
         self._run("fill")
         wp.copy(p.start, self.start)
-        wp.copy(p.neighbor, self.neighbor)
-        for name in self._kept:
+        for name in self.entry_arrays:
             wp.copy(getattr(p, name), getattr(self, name))
-        for flags in (p.moved, p.asked):
+        for flags in (p.rebuild_pending, p.rebuild_requested):
             (flags if launch is None else flags[launch : launch + 1]).zero_()
 
     def _run(self, name: str) -> None:
         state = self.state
         key = (name, id(state.now))
-        if key not in self._commands:
-            p, now = state.particles, state.now
-            listing = [p, self.key, self.cell_start, self.order]
+        if key not in self._launches:
+            p, now, walls = state.particles, state.now, self.walls
+            cells = [self.key, self.cell_start, self.order]
+            lists = [self.neighbor, self.spring, self.rolling_torque, self.rise]
             inputs, outputs = {
-                "cells": ([p, now], [self.key, self.order, self.status]),
-                "gather": ([self.order, self.walls, now, p], [state.next, self.scratch, self.status]),
-                "count": ([*listing, self.count, self.hits], [None, None, None, self.status]),
+                "cells": ([], [p, now, self.key, self.order, self.status]),
+                "gather": ([self.order, now, p], [state.next, self.scratch]),
+                "count": ([p, walls, *cells], [self.count, self.neighbor_count, self.cache, self.status]),
                 "fill": (
-                    [*listing, self.start, self.hits],
-                    [self.neighbor, self.spring, self.rolling, self.status],
+                    [walls, *cells, self.start, self.neighbor_count, self.cache],
+                    [p, *lists, self.status],
                 ),
             }[name]
-            self._commands[key] = self.crew.command(self.kernels[name], self.params, inputs, outputs)
-        self._commands[key]()
+            self._launches[key] = self.pool.record_launch(self.kernels[name], self.params, inputs, outputs)
+        self._launches[key]()
 
     def _check(self) -> None:
         """Raises SimulationError for what a rebuild reported: a lost particle, NaN, a guard."""
-        code, who, other = (int(v) for v in self.status.numpy())
-        if code == OK:
+        report = int(self.status.numpy().min())
+        if report == NO_REPORT:
             return
+        code, particle, other = unpack_report(report)
         scene = self.scene
         share = f"more than {guards.overlap_limit(scene):g} of the {'smaller ' * (code == TOO_DEEP)}radius"
-        wall = scene.planes[other].name if code == DEEP_IN_WALL else ""
+        wall = scene.wall_elements[other].name if code == DEEP_IN_WALL else ""
         what = {
             LOST: f"left the domain {scene.domain.lo} .. {scene.domain.hi} m",
             NOT_A_NUMBER: "has a position that is not a number (NaN)",
@@ -274,4 +284,4 @@ class NeighborList:
         }[code]
         deep = (TOO_DEEP, DEEP_IN_WALL)
         advice = guards.OVERLAP_ADVICE if code in deep else guards.SPEED_ADVICE if code == TOO_FAST else ""
-        raise SimulationError(f"particle {who + 1} {what}" + (f"; {advice}" if advice else ""))
+        raise SimulationError(f"particle {particle + 1} {what} at {self.when()}{'; ' * bool(advice)}{advice}")

@@ -1,7 +1,7 @@
 """The solver: a scene on a device, stepped in LIGGGHTS' order of operations.
 
     set-up:  forces at full-step velocities, springs only evaluated
-    step:    half kick, drift | list rebuilt if anybody moved more than skin/2 | forces, springs | half kick
+    step:    half kick, drift | list rebuilt if a particle moved more than skin/2 | forces, springs | half kick
 
 A step kernel does the part from the forces on, and the first half of the next step with it.
 """
@@ -16,27 +16,29 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from gpudem.contact.coefficients import pair_coefficients
 from gpudem.errors import SimulationError
 from gpudem.output.vtu import Frame
-from gpudem.scene import Plane, Scene
+from gpudem.scene import Scene
+from gpudem.scene.sections import Wall
 from gpudem.solver import guards
 from gpudem.solver.device import cores, find_device
 from gpudem.solver.neighbor_list import NeighborList, block_size, cell_grid, layers_of_cells
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import State
-from gpudem.solver.step_kernel import SETUP, WRITE, step_kernel
-from gpudem.solver.thread_pool import Crew
-from gpudem.solver.wall_table import pair_entries, pair_table, wall_table
+from gpudem.solver.step_kernel import SETUP, WRITE, laws_struct, step_kernel
+from gpudem.solver.thread_pool import CpuThreadPool, require_serial_launches
+from gpudem.solver.walls import wall_table
 
-#: Steps launched as one CUDA graph between two looks of the host.
+#: Steps launched as one CUDA graph between two checks by the host.
 CUDA_CHUNK = 32
 
 
 class Solver:
-    """One scene on one device. `step_count` steps are done; after `write` the full-step state can be read.
+    """One scene on one device. `step_count` steps are done; after `write_step` the full step can be read.
 
-    With `rebuild_inside`, as on a CUDA device whose graphs can branch, the list is rebuilt between launches
-    of a chunk, without the host; else the launches up to its next look do nothing.
+    With `rebuild_in_graph`, as on a CUDA device whose graphs can branch, the list is rebuilt between launches
+    of a chunk, without the host; else the launches up to the host's next check do nothing.
 
     Raises:
         SimulationError: lost particle, NaN, naming particle and time.
@@ -50,58 +52,86 @@ class Solver:
         threads: int | None = None,
         chunk: int | None = None,
         half_list: bool | None = None,
-        everything: bool = False,
-        rebuild_inside: bool | None = None,
+        specialize: bool = True,
+        rebuild_in_graph: bool | None = None,
     ):
         self.device, self.scene = find_device(device), scene
         if half_list and self.device.is_cuda:
             raise ValueError("half_list: adds up pairs in their order, which a CUDA launch does not have")
         self.spec = Spec.of(scene, self.device.is_cpu if half_list is None else half_list)
-        if everything:
-            self.spec = self.spec.loaded
+        if not specialize:
+            self.spec = self.spec.generic
         self.graphs = self.device.is_cuda
         self.chunk = chunk or (CUDA_CHUNK if self.device.is_cuda else 1)
-        self.rebuild_inside = rebuild_inside
-        if rebuild_inside is None:
-            self.rebuild_inside = self.device.is_cuda and wp.is_conditional_graph_supported()
+        self.rebuild_in_graph = rebuild_in_graph
+        if rebuild_in_graph is None:
+            self.rebuild_in_graph = self.device.is_cuda and wp.is_conditional_graph_supported()
         self.state = State(scene, self.spec, self.device, self.chunk)
         self.params = self._params()
         self._choose_order(scene.state.position)
-        self.crew = Crew(self.state.n, self.params.block, self.device, threads)
-        if self.spec.several_materials:
-            self.state.particles.pairs = pair_table(self.state, scene, scene.particle_materials)
-        self.neighbors = NeighborList(scene, self.state, self.params, self.crew)
-        self.neighbors.grew = self._forget_commands
+        self.pool = CpuThreadPool(self.state.n, self.params.block, self.device, threads)
+        self.laws = self._laws()
+        self.neighbors = NeighborList(scene, self.state, self.params, self.pool)
+        self.neighbors.on_reallocate = self._invalidate_launches
+        self.neighbors.when = self._next_step_in_words
         self.kernel = step_kernel(self.spec)
-        self._commands: dict[tuple[int, int, int], Callable[[], None]] = {}
+        self._launches: dict[tuple[int, int, int], Callable[[], None]] = {}
         self._graphs: dict[tuple[int, int], Any] = {}
         self.step_count = 0
-        self._stale = self._half_way = False
-        self._moved = self.state.particles.moved.numpy() if self.device.is_cpu else None
-        self._saw_teeth = any(p.vibration and not p.fast_floor for p in scene.planes)
+        self._needs_rebuild = self._rebuild_suspended = False
+        self._written: Any = None
+        self._pending = self.state.particles.rebuild_pending.numpy() if self.device.is_cpu else None
+        self._displaced = any(wall.stroke > 0 for wall in scene.wall_elements)
         self.walls: Any = None
         self.compile_s = self._compile()
+        if self.spec.half_list:
+            require_serial_launches()
 
     def _params(self) -> Any:
         scene, t = self.scene, self.state.types
         p = t.Params()
         cells, rate = cell_grid(scene)
-        p.dt, p.drift, p.gravity = scene.time.step, scene.time.step, t.vec3(*scene.gravity)
-        p.lo, p.size = (
-            t.wide3(*scene.domain.lo),
-            t.wide3(*(np.array(scene.domain.hi) - np.array(scene.domain.lo))),
-        )
-        p.cells, p.cell_rate = wp.vec3i(*cells), t.wide3(*rate)
-        p.around = wp.vec3i(*[int(side) for side in scene.domain.periodic])
+        p.dt, p.dt_wide, p.gravity = scene.time.step, scene.time.step, t.vec3(*scene.gravity)
+        lo, hi = np.array(scene.domain.lo), np.array(scene.domain.hi)
+        p.lo, p.hi, p.size = t.wide3(*lo), t.wide3(*hi), t.wide3(*(hi - lo))
+        p.cells, p.inv_cell_size = wp.vec3i(*cells), t.wide3(*rate)
+        p.is_periodic = wp.vec3i(*[int(side) for side in scene.domain.periodic])
         p.speed_limit = guards.speed_limit(scene) ** 2
         p.overlap_limit = guards.overlap_limit(scene)
-        p.skin, p.move_limit = scene.skin, (scene.skin / 2) ** 2
+        p.skin, p.move_limit, p.range = scene.skin, (scene.skin / 2) ** 2, scene.contact_range
         p.radius, p.mass = float(scene.state.radius.max()), float(scene.masses[0])
         p.kick = 0.5 * scene.time.step / p.mass
         p.spin_kick = 0.5 * scene.time.step / (0.4 * p.radius * p.radius * p.mass)
-        p.n, p.planes, p.materials = self.state.n, self.state.planes, len(scene.particle_materials)
-        p.pair = pair_entries(self.state, scene, scene.particle_materials[:1])[0]
+        p.n, p.walls, p.materials = self.state.n, self.state.walls, len(scene.particle_materials)
         return p
+
+    def _laws(self) -> Any:
+        """Coefficients of every pair of particle materials, and of every wall with each of them."""
+        scene, device = self.scene, self.device
+        laws = laws_struct(self.spec)()
+        Pair = type(laws.pair)
+
+        def entries(partners: list[str]) -> list[Any]:
+            found = []
+            for partner in partners:
+                for name in scene.particle_materials:
+                    entry = Pair()
+                    for field, value in pair_coefficients(
+                        self.spec.laws, scene.inputs(name, partner)
+                    ).items():
+                        setattr(entry, field, value)
+                    found.append(entry)
+            return found
+
+        def table(partners: list[str]) -> Any:
+            return wp.array(entries(partners), dtype=laws_struct(self.spec).vars["pair"].type, device=device)
+
+        laws.pair = entries(scene.particle_materials[:1])[0]
+        if self.spec.multi_material:
+            laws.pairs = table(scene.particle_materials)
+        if scene.wall_elements:
+            laws.wall_pairs = table([wall.material for wall in scene.wall_elements])
+        return laws
 
     def _choose_order(self, position: np.ndarray) -> None:
         """The order in which particles are sorted, slowest along their longest extent, and its blocks."""
@@ -117,78 +147,83 @@ class Solver:
         wp.force_load(self.device, list(modules), block_dim=threads, max_workers=cores())
         return time.perf_counter() - begin
 
-    def _forget_commands(self) -> None:
-        self._commands.clear()
+    def _invalidate_launches(self) -> None:
+        self._launches.clear()
         self._graphs.clear()
 
     # -- the algorithm -------------------------------------------------------------------------------------
 
-    def start(self, planes: list[Plane] | None = None, write: bool = False) -> None:
+    def start(self, planes: list[Wall] | None = None, write: bool = False) -> None:
         """Set-up: forces at the present full-step velocities with the given walls; first kick and drift.
 
         At a later start (a gate has gone) call it after `write_step(last=True)`.
         """
         if self.step_count > 0:
-            self._take_full_velocities()
+            self._take_full_step_velocities()
             self._choose_order(self.state.now.numpy()["position"])
-            self.crew.cut(self.params.block)
-        self.walls = wall_table(self.state, self.scene, self.scene.planes if planes is None else planes)
-        self._forget_commands()
-        self.neighbors.set_walls(self.walls)
+            self.pool.partition(self.params.block)
+        self._set_walls(planes)
         self._move_walls(self.step_count)
         self._rebuild()
         self._launch(SETUP | (WRITE if write else 0))
-        self._stale = bool(self._moved_flags()[1])
+        self._needs_rebuild = bool(self._read_rebuild_flags()[1])
         self.state.swap()
 
     def advance(self, steps: int) -> None:
         """Do `steps` steps without output."""
         while steps > 0:
             self._move_walls(self.step_count + 1)
-            if self._stale:
+            if self._needs_rebuild:
                 self._rebuild()
             done = self._launch_chunk(min(steps, self.chunk))
             self.step_count += done
             steps -= done
-            if self._half_way:
+            if self._rebuild_suspended:
                 self._rebuild()
 
     def write_step(self, last: bool = False) -> None:
         """One more step, whose positions, velocities and forces can then be read; `last`: stay there."""
         self._move_walls(self.step_count + 1)
-        if self._stale:
+        if self._needs_rebuild:
             self._rebuild()
         self._launch(WRITE)
-        self._stale = bool(self._moved_flags()[1])
+        self._needs_rebuild = bool(self._read_rebuild_flags()[1])
         self.step_count += 1
         if not last:
             self.state.swap()
 
+    def _set_walls(self, present: list[Wall] | None) -> None:
+        """Walls that get into contact from now on; all of them by default."""
+        here = self.scene.wall_elements if present is None else present
+        self.walls = wall_table(self.state, self.scene, self.chunk, here)
+        self._invalidate_launches()
+        self.neighbors.set_walls(self.walls)
+
     def _move_walls(self, step: int) -> None:
-        """Puts saw-tooth planes where they are in `step`, the next launch's, and in those after it."""
-        if self._saw_teeth:
+        """Puts moving walls where they are in `step`, the next launch's, and in those after it."""
+        if self._displaced:
             times = [(step + k) * self.scene.time.step for k in range(self.chunk)]
-            shifts = [p.shift(t) for t in times for p in self.scene.planes]
+            places = [wall.displacement(time) for time in times for wall in self.scene.wall_elements]
             if self.device.is_cpu:
-                self.state.host(self.state.particles.wall_shift)[:] = shifts
+                self.walls.displacement.numpy()[:] = places
             else:
-                self.state.particles.wall_shift.assign(shifts)
+                self.walls.displacement.assign(places)
 
     def _launch_chunk(self, steps: int) -> int:
-        """Launch steps without looking between them; returns how many were done.
+        """Launch steps without a check by the host between them; returns how many were done.
 
-        On CUDA they are one graph, and the look one small copy. After a launch that moves somebody too far
+        On CUDA they are one graph, and the check one small copy. After a launch that moves a particle too far
         the list is rebuilt within the graph; where that cannot be, the launches after it do nothing.
         """
         if self.graphs:
             self._launch_graph(steps)
         else:
             self._launch_each(steps)
-        moved = self._moved_flags()
-        self._stale, done = bool(moved[steps]), steps
-        if self._stale:
-            done = int(np.argmax(moved[1 : steps + 1])) + 1
-            self._half_way = self.rebuild_inside and self.neighbors.stopped()
+        pending = self._read_rebuild_flags()
+        self._needs_rebuild, done = bool(pending[steps]), steps
+        if self._needs_rebuild:
+            done = int(np.argmax(pending[1 : steps + 1])) + 1
+            self._rebuild_suspended = self.rebuild_in_graph and self.neighbors.is_suspended()
         if (steps - done) % 2:
             self.state.swap()
         return done
@@ -200,9 +235,9 @@ class Solver:
                 self._graphs[key] = self._captured(steps)
                 wp.capture_launch(self._graphs[key])
             except RuntimeError as error:
-                if not self.rebuild_inside:
+                if not self.rebuild_in_graph:
                     raise
-                self._without_branches(error)
+                self._disable_graph_rebuild(error)
                 return self._launch_graph(steps)
         else:
             wp.capture_launch(self._graphs[key])
@@ -219,98 +254,94 @@ class Solver:
             self.state.now, self.state.next = before
         return capture.graph
 
-    def _without_branches(self, error: RuntimeError) -> None:
+    def _disable_graph_rebuild(self, error: RuntimeError) -> None:
         """From now on the host rebuilds: this driver takes no rebuild within a graph."""
         warnings.warn(f"{self.device}: the list is rebuilt between graphs, not within: {error}", stacklevel=2)
-        self.rebuild_inside = False
-        self._forget_commands()
+        self.rebuild_in_graph = False
+        self._invalidate_launches()
 
     def _launch_each(self, steps: int) -> None:
         for launch in range(steps):
-            if self.rebuild_inside and launch:
-                self.neighbors.rebuild_inside(launch)
+            if self.rebuild_in_graph and launch:
+                self.neighbors.rebuild_in_graph(launch)
             self._launch(0, launch)
             self.state.swap()
 
-    def _moved_flags(self) -> np.ndarray:
-        return self._moved if self._moved is not None else self.state.particles.moved.numpy()
+    def _read_rebuild_flags(self) -> np.ndarray:
+        return self._pending if self._pending is not None else self.state.particles.rebuild_pending.numpy()
 
     def _rebuild(self) -> None:
-        try:
-            (self.neighbors.go_on if self._half_way else self.neighbors.rebuild)()
-            self._stale = self._half_way = False
-        except SimulationError as error:
-            step = self.step_count + 1
-            what, mark, advice = str(error).partition("; ")
-            when = f"t = {step * self.scene.time.step:.9g} s (step {step})"
-            raise SimulationError(f"{what} at {when}{mark}{advice}") from None
+        (self.neighbors.finish_rebuild if self._rebuild_suspended else self.neighbors.rebuild)()
+        self._needs_rebuild = self._rebuild_suspended = False
+
+    def _next_step_in_words(self) -> str:
+        step = self.step_count + 1
+        return f"t = {step * self.scene.time.step:.9g} s (step {step})"
 
     def _launch(self, mode: int, launch: int = 0) -> None:
         """The step kernel from `now` to `next`; recorded once for each mode, place and direction."""
         key = (id(self.state.now), mode, launch)
-        if key not in self._commands:
+        if key not in self._launches:
             state = self.state
             if mode & WRITE:
-                state.allocate_full()
-            full = state.full if state.full is not None else state.types.Full()
-            inputs = [mode, launch, self.walls, state.now]
-            self._commands[key] = self.crew.command(
-                self.kernel, self.params, inputs, [state.particles, state.next, full]
+                state.allocate_output()
+            output = state.output if state.output is not None else state.types.StepOutput()
+            inputs = [mode, launch, self.laws, self.walls, state.now]
+            self._launches[key] = self.pool.record_launch(
+                self.kernel, self.params, inputs, [state.particles, state.next, output]
             )
         self._written = self.state.now
-        self._commands[key]()
+        self._launches[key]()
 
-    def _take_full_velocities(self) -> None:
+    def _take_full_step_velocities(self) -> None:
         bodies = self.state.now.numpy()
         for name in ("velocity", *(["angular_velocity"] * self.spec.rotation)):
-            bodies[name] = getattr(self.state.full, name).numpy()
+            bodies[name] = getattr(self.state.output, name).numpy()
         self.state.now.assign(bodies)
 
     # -- restart -------------------------------------------------------------------------------------------
 
-    def saved(self) -> dict[str, np.ndarray]:
+    def state_dict(self) -> dict[str, np.ndarray]:
         """The exact state between two steps, within a segment: every array that the next step reads."""
         state, total = self.state, int(self.state.particles.start.numpy()[-1])
-        kept = {"now": state.now.numpy().copy()}
-        for name in self._kept_arrays():
+        stored = {"now": state.now.numpy().copy()}
+        for name in self._stored_arrays():
             array = getattr(state.particles, name).numpy()
-            kept[name] = (array[:total] if name in self.neighbors.entry_arrays else array).copy()
-        done = [self.step_count, self.neighbors.rebuilds, self._stale]
+            stored[name] = (array[:total] if name in self.neighbors.entry_arrays else array).copy()
+        done = [self.step_count, self.neighbors.rebuilds, self._needs_rebuild]
         order = [self.params.block, *self.params.axes]
-        kept["counts"] = np.array([*done, self.spec.half_list, *order], np.int64)
-        return kept
+        stored["counts"] = np.array([*done, self.spec.half_list, *order], np.int64)
+        return stored
 
-    def resume(self, saved: dict[str, np.ndarray], planes: list[Plane] | None = None) -> None:
+    def load_state_dict(self, saved: dict[str, np.ndarray], planes: list[Wall] | None = None) -> None:
         """Take over what `saved` gave for the same scene, in the place of `start`; `planes`: those present.
 
         Raises SimulationError for a state of another scene, precision or kind of device.
         """
         state, counts = self.state, [int(v) for v in saved["counts"]]
-        names = {"now", "counts", *self._kept_arrays()}
+        names = {"now", "counts", *self._stored_arrays()}
         same = names == set(saved) and state.now.numpy().dtype == saved["now"].dtype
         if not same or counts[3] != self.spec.half_list:
             raise SimulationError("the saved state is of another scene, precision or kind of device")
         self.params.block, self.params.axes = counts[4], wp.vec3i(*counts[5:])
-        self.crew.cut(self.params.block)
+        self.pool.partition(self.params.block)
         state.now.assign(saved["now"])
-        self.neighbors.make_room(len(saved["neighbor"]))
-        for name in self._kept_arrays():
+        self.neighbors.reserve(len(saved["neighbor"]))
+        for name in self._stored_arrays():
             array = getattr(state.particles, name)
             if name in self.neighbors.entry_arrays:
                 array = array[: len(saved[name])]
             if array.size:
                 array.assign(saved[name])
-        self.walls = wall_table(state, self.scene, self.scene.planes if planes is None else planes)
-        self._forget_commands()
-        self.neighbors.set_walls(self.walls)
-        self.step_count, self.neighbors.rebuilds, self._stale = counts[0], counts[1], bool(counts[2])
+        self._set_walls(planes)
+        self.step_count, self.neighbors.rebuilds, self._needs_rebuild = counts[0], counts[1], bool(counts[2])
 
-    def _kept_arrays(self) -> list[str]:
+    def _stored_arrays(self) -> list[str]:
         """Arrays of `state.particles` that last from step to step.
 
         Not those that are zero between steps or follow from the number of the step.
         """
-        leave = ("pairs", "moved", "asked", "force_so_far", "torque_so_far", "wall_shift")
+        leave = ("rebuild_pending", "rebuild_requested", "partial_force", "partial_torque")
         names = [name for name in self.state.types.Particles.vars if name not in leave]
         return [name for name in names if getattr(self.state.particles, name) is not None]
 
@@ -327,16 +358,16 @@ class Solver:
             out[row] = values
             return out
 
-        full, zeros = state.full, np.zeros((state.n, 3))
+        output, zeros = state.output, np.zeros((state.n, 3))
         frame = {
             "id": np.arange(1, state.n + 1, dtype=np.int64),
             "material": scene.state.material.astype(np.int32),
             "position": self._inside(by_id(host(self._written)["position"])),
-            "velocity": by_id(host(full.velocity)),
-            "angular_velocity": by_id(host(full.angular_velocity)) if self.spec.rotation else zeros,
+            "velocity": by_id(host(output.velocity)),
+            "angular_velocity": by_id(host(output.angular_velocity)) if self.spec.rotation else zeros,
             "radius": scene.state.radius,
-            "force": by_id(host(full.force)),
-            "torque": by_id(host(full.torque)) if self.spec.rotation else zeros,
+            "force": by_id(host(output.force)),
+            "torque": by_id(host(output.torque)) if self.spec.rotation else zeros,
         }
         for name in ("position", "velocity"):
             if not np.isfinite(frame[name]).all():
@@ -349,25 +380,26 @@ class Solver:
         """Positions wrapped into the periodic sides (the solver itself wraps at a rebuild only)."""
         lo, hi = np.array(self.scene.domain.lo), np.array(self.scene.domain.hi)
         for k in np.flatnonzero(self.scene.domain.periodic):
-            position[position[:, k] < lo[k], k] += hi[k] - lo[k]
-            position[position[:, k] >= hi[k], k] -= hi[k] - lo[k]
+            x, size = position[:, k], hi[k] - lo[k]
+            wrapped = np.where(x < lo[k], x + size, np.where(x >= hi[k], np.maximum(x - size, lo[k]), x))
+            position[:, k] = np.where(wrapped >= hi[k], lo[k], wrapped)  # rounded to the upper face
         return position
 
     def contact_count(self) -> int:
         """Contacts in the written step, between particles and with walls."""
-        return int(self.state.host(self.state.full.contacts).sum()) // 2
+        return int(self.state.host(self.state.output.contacts).sum()) // 2
 
     def wall_work(self) -> float | None:
         """Work of moving planes since the start [J]; None where no plane moves.
 
         Force on each particle times the way of the plane in the step, added up on the device.
         """
-        return float(self.state.particles.wall_work.numpy().sum()) if self.spec.vibration else None
+        return float(self.state.particles.wall_work.numpy().sum()) if self.spec.moving_walls else None
 
     def memory_bytes(self) -> dict[str, int]:
         """Bytes of every device array, by name."""
         own = {f"list.{k}": v for k, v in vars(self.neighbors).items() if isinstance(v, wp.array)}
-        own |= {f"list.{k}": getattr(self.neighbors.scratch, k) for k in self.neighbors._moved_arrays}
+        own |= {f"list.{k}": getattr(self.neighbors.scratch, k) for k in self.neighbors.permuted_arrays}
         found = {}
         for name, array in (self.state.arrays() | own).items():
             fields = getattr(array.dtype, "vars", {})
@@ -379,4 +411,4 @@ class Solver:
 
     def close(self) -> None:
         """End the threads."""
-        self.crew.close()
+        self.pool.close()

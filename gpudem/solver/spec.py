@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING
 
-from gpudem.contact.rolling import KEEPS_TORQUE
-from gpudem.scene import Scene
+from gpudem.contact import registry
+from gpudem.contact.coefficients import coefficient_names
+from gpudem.contact.law import Law
+
+if TYPE_CHECKING:
+    from gpudem.scene import Scene
 
 
 @dataclasses.dataclass(frozen=True)
@@ -15,18 +20,21 @@ class Spec:
     precision: str = "float64"
     normal: str = "hertz"
     tangential: str = "off"
-    """"off", "no_history" or "history"."""
+    """Name of a tangential law, or "off"."""
     rolling: str = "off"
     limit_force: bool = False
     integrator: str = "half_step"
     """"half_step" or "path"."""
     rotation: bool = False
     gravity: bool = False
-    walls: bool = False
-    vibration: bool = False
+    walls: tuple[str, ...] = ()
+    """Kinds of the walls, in order of name; () without walls."""
+    moving_walls: bool = False
+    long_range: bool = False
+    """The normal law acts across a gap."""
     periodic: tuple[bool, bool, bool] = (False, False, False)
-    several_materials: bool = False
-    several_radii: bool = False
+    multi_material: bool = False
+    polydisperse: bool = False
     half_list: bool = False
     """Each pair of a block once; for devices that take the particles of a launch one after the other."""
 
@@ -40,51 +48,65 @@ class Spec:
             tangential=scene.contact.tangential if needs.tangential else "off",
             rolling=scene.contact.rolling if needs.rolling else "off",
             limit_force=scene.contact.limit_force,
-            # without damping or friction no force depends on velocity: the integrators are one
+            # without damping or friction no force depends on velocity: both integrators are the same
             integrator=scene.solver.integrator if needs.damping or needs.tangential else "half_step",
             rotation=needs.rotation,
             gravity=needs.gravity,
-            walls=needs.walls,
-            vibration=needs.vibration,
+            walls=tuple(sorted({wall.kind for wall in scene.wall_elements})),
+            moving_walls=needs.vibration,
+            long_range=scene.contact_range > 0,
             periodic=scene.domain.periodic,
-            several_materials=needs.several_materials,
-            several_radii=needs.several_radii,
+            multi_material=needs.several_materials,
+            polydisperse=needs.several_radii,
             half_list=half_list,
         )
 
     @property
-    def loaded(self) -> Spec:
-        """The same with everything that any scene may have, for measuring what leaving out buys.
+    def generic(self) -> Spec:
+        """The same with everything that any scene may have, to measure what specialisation saves.
 
-        Springs of friction that is 0, rolling torques of 0, a radius, mass and material for each particle
-        of one kind: the motion is the same but for rounding. The normal law, walls and periodic sides stay.
+        Springs of friction 0, rolling torques of 0, a radius, mass and material for each particle of one
+        kind: the motion is the same but for rounding. The normal law, walls and periodic sides stay.
         """
         return dataclasses.replace(
             self, tangential="history", rolling="epsd2", rotation=True, gravity=True,
-            several_materials=True, several_radii=True,
+            multi_material=True, polydisperse=True,
         )  # fmt: skip
 
     @property
+    def laws(self) -> tuple[Law, ...]:
+        """The laws in use, in order of the slots."""
+        slots = zip(registry.SLOTS, (self.normal, self.tangential, self.rolling), strict=True)
+        return tuple(law for slot, name in slots if (law := registry.find(slot, name)) is not None)
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:
+        """Fields of the device struct `Pair`."""
+        return coefficient_names(self.laws)
+
+    @property
     def path(self) -> bool:
-        """Velocities predicted half a step ahead are kept beside those half a step behind."""
+        """Velocities predicted half a step ahead are stored beside those half a step behind."""
         return self.integrator == "path"
 
     @property
-    def history(self) -> bool:
-        """Shear springs are kept from step to step."""
-        return self.tangential == "history"
+    def spring_history(self) -> bool:
+        """Shear springs are stored from step to step."""
+        law = registry.find("tangential", self.tangential)
+        return law is not None and law.history  # type: ignore[attr-defined]
 
     @property
     def rolling_history(self) -> bool:
-        """Rolling torques are kept from step to step."""
-        return self.rolling in KEEPS_TORQUE
+        """Rolling torques are stored from step to step."""
+        law = registry.find("rolling", self.rolling)
+        return law is not None and law.history  # type: ignore[attr-defined]
 
     @property
-    def memory(self) -> bool:
-        """Anything is kept of a contact from step to step, so that lists and walls remember who touched."""
-        return self.history or self.rolling_history
+    def contact_history(self) -> bool:
+        """Anything of a contact is stored from step to step: lists mark the contacts of the last step."""
+        return self.spring_history or self.rolling_history
 
     @property
-    def several_masses(self) -> bool:
+    def per_particle_mass(self) -> bool:
         """Mass differs from particle to particle."""
-        return self.several_materials or self.several_radii
+        return self.multi_material or self.polydisperse

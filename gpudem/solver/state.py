@@ -1,7 +1,7 @@
 """The device arrays of one run, with unit and shape for each; an array that the scene does not need is None.
 
-n particles in sorted (cell) order, m planes. Arrays that are None are null on the device: no kernel built
-for this scene touches them.
+n particles in sorted (cell) order, m walls. Arrays that are None are null on the device: no kernel built for
+this scene touches them.
 """
 
 import functools
@@ -11,174 +11,169 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from gpudem.contact.types import REAL, WIDE, pair_struct
+from gpudem.contact.types import REAL, WIDE
 from gpudem.scene import Scene
 from gpudem.solver.body import body_struct
 from gpudem.solver.spec import Spec
 
 
 @functools.cache
-def structs(precision: str, vibration: bool) -> SimpleNamespace:
-    """The argument structs of the kernels in one precision: Params, Particles, Walls, Full.
-
-    Vibrating planes have fields of their own; without one the structs are as if there were none.
+def structs(precision: str) -> SimpleNamespace:
+    """The argument structs of the kernels in one precision: Params, Particles, Walls, StepOutput.
 
     `real` is the arithmetic of the contact laws, `wide` that of positions, velocities and radii: the same but
     for "mixed", where an overlap of 1e-7 m is the difference of lengths of 1 m, and a step adds 1e-7 of a
-    velocity: both need float64, while forces and springs, each of them small by itself, do well in float32.
+    velocity: both need float64, while float32 is enough for forces and springs, each small by itself.
     """
     real, wide = REAL[precision], WIDE[precision]
     vec3, wide3 = wp.types.vector(3, real), wp.types.vector(3, wide)
-    Pair = pair_struct(real)
+    t = SimpleNamespace(real=real, vec3=vec3, wide=wide, wide3=wide3)
+    t.Params = _params_struct(real, vec3, wide, wide3)
+    t.Particles = _particles_struct(real, vec3, wide, wide3)
+    t.Walls = _walls_struct(wide, wide3)
+    t.StepOutput = _output_struct(vec3, wide3)
+    return t
 
+
+def _params_struct(real: Any, vec3: Any, wide: Any, wide3: Any) -> Any:
     @wp.struct
     class Params:
         dt: real  # [s]
-        drift: wide  # the same for positions [s]
+        dt_wide: wide  # the same, for positions [s]
         gravity: vec3  # [m/s2]
         lo: wide3  # lower corner of the domain [m]
+        hi: wide3  # upper corner of the domain [m]
         size: wide3  # length of the domain [m]
         cells: wp.vec3i  # cells along x, y, z
         axes: wp.vec3i  # the axis along which sorted particles vary fastest, the middle one, the slowest
-        around: wp.vec3i  # 1: that axis is periodic
-        cell_rate: wide3  # cells per length [1/m]
+        is_periodic: wp.vec3i  # 1: that axis is periodic
+        inv_cell_size: wide3  # cells per length [1/m]
         skin: wide  # [m]
         move_limit: wide  # (skin/2)^2 [m2]
+        range: wide  # gap across which the normal law acts [m]
         speed_limit: wide  # squared, of the guard [m2/s2]
-        overlap_limit: wide  # of the guard, by the smaller radius [1]
-        radius: wide  # of equal spheres [m]
+        overlap_limit: wide  # of the guard, relative to the smaller radius [1]
+        radius: wide  # of equal spheres; else the largest [m]
         mass: real  # of equal spheres of one material [kg]
         kick: real  # dt/(2 m) of equal spheres [s/kg]
         spin_kick: real  # dt/(2 I) of equal spheres [s/(kg m2)]
-        pair: Pair  # of one material
         n: wp.int32
         block: wp.int32  # particles of a block: within it a half list holds each pair once
         materials: wp.int32
-        planes: wp.int32
+        walls: wp.int32
 
+    return Params
+
+
+def _particles_struct(real: Any, vec3: Any, wide: Any, wide3: Any) -> Any:
+    @wp.struct
     class Particles:
         id: wp.array[wp.int32]  # row in the scene, (n,)
         radius: wp.array[wide]  # [m], (n,)
         mass: wp.array[real]  # [kg], (n,)
         material: wp.array[wp.int32]  # index into the scene's particle materials, (n,)
-        wall_near: wp.array[wp.int32]  # bit k: plane k within reach until the next rebuild, (n,)
-        wall_touch: wp.array[wp.int32]  # bit k: plane k touched in the last step, (n,)
-        wall_spring: wp.array[vec3]  # [m], (m n,), plane by plane
-        wall_rolling: wp.array[vec3]  # rolling torque kept [N m], (m n,), plane by plane
-        built_at: wp.array[wide3]  # position at the last rebuild [m], (n,)
+        image: wp.array[wp.vec3i]  # crossings of the periodic sides since the start, (n,)
+        x_at_rebuild: wp.array[wide3]  # position at the last rebuild [m], (n,)
         start: wp.array[wp.int32]  # first list entry of each particle, (n + 1,)
-        neighbor: wp.array[wp.int32]  # j, or -j - 1 where it touched in the last step, (capacity,)
+        wall_start: wp.array[wp.int32]  # first of them that is a wall, (n,)
+        neighbor: wp.array[wp.int32]  # particle j or wall n + w; -that - 1: in contact in the last step
         spring: wp.array[vec3]  # shear spring of each entry [m], (capacity,)
-        rolling: wp.array[vec3]  # rolling torque kept of each entry [N m], (capacity,)
-        pairs: wp.array[Pair]  # coefficients by material pair, (materials^2,)
-        force_so_far: wp.array[vec3]  # from particles before it in its block [N], (n,); half list alone
-        torque_so_far: wp.array[vec3]  # [N m], (n,), likewise
-        moved: wp.array[wp.int32]  # k + 1: launch k or one before moved somebody beyond skin/2, (chunk + 1,)
-        asked: wp.array[wp.int32]  # k + 1: launch k itself did, (chunk + 1,)
+        rolling_torque: wp.array[vec3]  # stored for each entry [N m], (capacity,)
+        rise: wp.array[wide]  # of a fast floor since the contact began [m], -1 apart, (capacity,)
+        partial_force: wp.array[vec3]  # from particles before it in its block [N], (n,); half list only
+        partial_torque: wp.array[vec3]  # [N m], (n,), likewise
+        wall_work: wp.array[wp.float64]  # done by moving walls on the particles at this place [J], (n,)
+        rebuild_pending: wp.array[wp.int32]  # k + 1: launch k or one before needs a rebuild, (chunk + 1,)
+        rebuild_requested: wp.array[wp.int32]  # k + 1: launch k itself does, (chunk + 1,)
 
-    if vibration:
-        Particles.__annotations__ |= {
-            "wall_shift": wp.array[wide],  # of plane k in launch l, at l m + k: how far from rest [m]
-            "wall_rise": wp.array[wide],  # of a fast floor since the touch [m], -1 apart, (floors n,)
-            "wall_work": wp.array[wp.float64],  # done by moving planes on whoever stood here [J], (n,)
-        }
-    Particles = wp.struct(Particles)
+    return Particles
 
-    class Walls:
-        normal: wp.array[wide3]  # into the domain, length one, (m,)
-        offset: wp.array[wide]  # normal . point [m], (m,)
-        pairs: wp.array[Pair]  # coefficients by plane and particle material, (m materials,)
 
-    if vibration:
-        Walls.__annotations__ |= {
-            "speed": wp.array[wide],  # U along the normal [m/s], (m,)
-            "stroke": wp.array[wide],  # A of a saw-tooth [m], (m,)
-            "floor": wp.array[wp.int32],  # number among the fast floors, -1: none, (m,)
-        }
-    Walls = wp.struct(Walls)
-
+def _walls_struct(wide: Any, wide3: Any) -> Any:
     @wp.struct
-    class Full:
+    class Walls:
+        present: wp.array[wp.int32]  # the walls that are there, ascending
+        kind: wp.array[wp.int32]  # position of its kind in Spec.walls, (m,)
+        direction: wp.array[wide3]  # normal of a plane, axis, ...: the kind says, (m,)
+        point: wp.array[wide3]  # [m], (m,)
+        size: wp.array[wide3]  # [m], (m,)
+        displacement: wp.array[wide3]  # in launch l, at l m + w [m], (chunk m,)
+        velocity: wp.array[wide3]  # [m/s], (m,)
+        stroke: wp.array[wide]  # the farthest that the displacement may reach [m], (m,)
+        fast: wp.array[wp.int32]  # 1: a fast floor, (m,)
+
+    return Walls
+
+
+def _output_struct(vec3: Any, wide3: Any) -> Any:
+    @wp.struct
+    class StepOutput:
         velocity: wp.array[wide3]  # at the full step [m/s], (n,)
         angular_velocity: wp.array[wide3]  # [rad/s], (n,)
         force: wp.array[vec3]  # with gravity [N], (n,)
         torque: wp.array[vec3]  # [N m], (n,)
         contacts: wp.array[wp.int32]  # with particles + 2 x with walls, (n,)
 
-    return SimpleNamespace(
-        real=real,
-        vec3=vec3,
-        wide=wide,
-        wide3=wide3,
-        Pair=Pair,
-        Params=Params,
-        Particles=Particles,
-        Walls=Walls,
-        Full=Full,
-    )
+    return StepOutput
 
 
 class State:
-    """All device arrays of a run: `now` and `next`, read and written in turn; `particles`; `full`."""
+    """All device arrays of a run: `now` and `next`, read and written in turn; `particles`; `output`."""
 
     def __init__(self, scene: Scene, spec: Spec, device: Any, chunk: int):
-        self.types = t = structs(spec.precision, spec.vibration)
+        self.types = t = structs(spec.precision)
         self.spec, self.device, self.n = spec, device, len(scene.state)
-        initial, n = scene.state, self.n
-        self.planes = len(scene.planes) if spec.walls else 0
-
-        def vectors(count: int = n, need: bool = True, dtype: Any = t.vec3) -> Any:
-            return wp.zeros(count, dtype=dtype, device=device) if need else None
-
+        initial = scene.state
+        self.walls = len(scene.wall_elements)
         Body = body_struct(spec)
-        bodies = np.zeros(n, dtype=Body.numpy_dtype())
+        bodies = np.zeros(self.n, dtype=Body.numpy_dtype())
         for name in ("position", "velocity", *(["angular_velocity"] * spec.rotation)):
             bodies[name] = getattr(initial, name)
         self.now = wp.array(bodies, dtype=Body, device=device)
         self.next = wp.zeros_like(self.now)
-
-        self.particles = p = t.Particles()
-        p.id = wp.array(np.arange(n, dtype=np.int32), device=device)
-        index = {scene.material_index[name]: k for k, name in enumerate(scene.particle_materials)}
-        material = np.array([index[m] for m in initial.material.tolist()], np.int32)
-        mass = scene.masses
-        if spec.several_radii:
-            p.radius = wp.array(initial.radius, dtype=t.wide, device=device)
-        if spec.several_masses:
-            p.mass = wp.array(mass, dtype=t.real, device=device)
-        if spec.several_materials:
-            p.material = wp.array(material, device=device)
-        if self.planes:
-            p.wall_near = wp.zeros(n, dtype=wp.int32, device=device)
-        if spec.memory and self.planes:
-            p.wall_touch = wp.zeros(n, dtype=wp.int32, device=device)
-            p.wall_spring = vectors(n * self.planes, spec.history)
-            p.wall_rolling = vectors(n * self.planes, spec.rolling_history)
-        if spec.vibration:
-            floors = sum(plane.fast_floor for plane in scene.planes)
-            p.wall_shift = wp.zeros(chunk * self.planes, dtype=t.wide, device=device)
-            p.wall_rise = wp.full(n * floors, -1.0, dtype=t.wide, device=device) if floors else None
-            p.wall_work = wp.zeros(n, dtype=wp.float64, device=device)
-        p.built_at = vectors(dtype=t.wide3)
-        p.start = wp.zeros(n + 1, dtype=wp.int32, device=device)
-        p.force_so_far = vectors(n, spec.half_list)
-        p.torque_so_far = vectors(n, spec.half_list and spec.rotation)
-        p.moved = wp.zeros(chunk + 1, dtype=wp.int32, device=device)
-        p.asked = wp.zeros(chunk + 1, dtype=wp.int32, device=device)
-        self.full: Any = None
+        self.particles = self._particles(scene, chunk, t)
+        self.output: Any = None
         self._views: dict[int, np.ndarray] = {}
 
-    def allocate_full(self) -> None:
+    def _particles(self, scene: Scene, chunk: int, t: SimpleNamespace) -> Any:
+        """The struct `Particles` at the start; the list's own arrays belong to `NeighborList`."""
+        spec, device, n = self.spec, self.device, self.n
+
+        def zeros(count: int, dtype: Any, need: bool = True) -> Any:
+            return wp.zeros(count, dtype=dtype, device=device) if need else None
+
+        p = t.Particles()
+        p.id = wp.array(np.arange(n, dtype=np.int32), device=device)
+        if spec.polydisperse:
+            p.radius = wp.array(scene.state.radius, dtype=t.wide, device=device)
+        if spec.per_particle_mass:
+            p.mass = wp.array(scene.masses, dtype=t.real, device=device)
+        if spec.multi_material:
+            index = {scene.material_index[name]: k for k, name in enumerate(scene.particle_materials)}
+            material = np.array([index[m] for m in scene.state.material.tolist()], np.int32)
+            p.material = wp.array(material, device=device)
+        p.image = zeros(n, wp.vec3i, any(spec.periodic))
+        p.x_at_rebuild = zeros(n, t.wide3)
+        p.start = zeros(n + 1, wp.int32)
+        p.wall_start = zeros(n, wp.int32, bool(spec.walls))
+        p.partial_force = zeros(n, t.vec3, spec.half_list)
+        p.partial_torque = zeros(n, t.vec3, spec.half_list and spec.rotation)
+        p.wall_work = zeros(n, wp.float64, spec.moving_walls)
+        p.rebuild_pending = zeros(chunk + 1, wp.int32)
+        p.rebuild_requested = zeros(chunk + 1, wp.int32)
+        return p
+
+    def allocate_output(self) -> None:
         """The arrays that output needs, on first use."""
-        if self.full is None:
+        if self.output is None:
             t, spec = self.types, self.spec
-            self.full = t.Full()
+            self.output = t.StepOutput()
             kinds = {"velocity": t.wide3, "force": t.vec3}
             if spec.rotation:
                 kinds |= {"angular_velocity": t.wide3, "torque": t.vec3}
             for name, dtype in kinds.items():
-                setattr(self.full, name, wp.zeros(self.n, dtype=dtype, device=self.device))
-            self.full.contacts = wp.zeros(self.n, dtype=wp.int32, device=self.device)
+                setattr(self.output, name, wp.zeros(self.n, dtype=dtype, device=self.device))
+            self.output.contacts = wp.zeros(self.n, dtype=wp.int32, device=self.device)
 
     def swap(self) -> None:
         """What was written, by a step or by a rebuild, becomes the present."""
@@ -195,8 +190,8 @@ class State:
     def arrays(self) -> dict[str, wp.array]:
         """Every array there is, by name: what a scene costs in memory."""
         groups = {"particles": self.particles}
-        if self.full is not None:
-            groups["full"] = self.full
+        if self.output is not None:
+            groups["output"] = self.output
         found = {"now": self.now, "next": self.next}
         for group, struct in groups.items():
             for name in struct._cls.vars:

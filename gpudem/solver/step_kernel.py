@@ -1,56 +1,235 @@
 """The step kernel: contact forces of one particle, its second half kick, its next first half kick and drift.
 
-One thread a particle. With a full list both sides of a contact are computed apart, so nothing is added
+One thread a particle. With a full list both sides of a contact are computed separately, so nothing is added
 atomically and the result depends on neither thread count nor order. With a half list (the CPU, where a launch
-takes its particles one after the other) a pair within a block of particles is computed once, by the one that
-comes first, and kept for the other; pairs across blocks are computed from both sides. A block belongs to one
-core, and blocks do not depend on the number of cores: neither does the result.
+takes its particles one after the other) a pair within a block of particles is computed once, by the particle
+that comes first, and its partial force is stored for the other; pairs across blocks are computed from both
+sides. A block belongs to one core, and blocks do not depend on the number of cores: neither does the result.
 Built for what the scene needs (`Spec`), no more.
 
 Where a vector is given a new value within an `if`, Warp's C++ chooses between two vectors in memory after it:
-in the loops over contacts that cost a third of a step on a CPU. So these loops leave early (`continue`)
-instead, read "this or zero" by `get_if`, and use no name twice.
+in the loops over contacts that costs a third of a step on a CPU. So these loops leave early (`continue`)
+instead, read "this or zero" by `get_if`, and functions return early.
 """
 
 import functools
+from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
 
-from gpudem.contact.law import contact_law, damping_force
+from gpudem.contact.types import pair_struct
 from gpudem.solver.arrays import access
 from gpudem.solver.body import body_reader, body_struct, body_writer
-from gpudem.solver.geometry import contact_geometry, nearest_image
+from gpudem.solver.geometry import contact_geometry, contact_procedure, conversions, nearest_image
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import structs
-from gpudem.solver.wall_table import distance_now, plane_distance
+from gpudem.solver.walls import fast_floor_gap, wall_surface
 
-#: Mode bits. SETUP: velocities are at the full step, springs only evaluated. WRITE: keep forces, velocities.
+#: Mode bits. SETUP: velocities are at the full step, springs only evaluated. WRITE: store forces, velocities.
 SETUP, WRITE = wp.constant(1), wp.constant(2)
+
+
+@functools.cache
+def laws_struct(spec: Spec) -> Any:
+    """The struct `Laws`: coefficients of the material pairs."""
+    Pair = pair_struct(structs(spec.precision).real, spec.coefficients)
+
+    @wp.struct
+    class Laws:
+        pair: Pair  # of one material
+        pairs: wp.array[Pair]  # by two particle materials, (materials^2,)
+        wall_pairs: wp.array[Pair]  # by wall and particle material, (m materials,)
+
+    return Laws
+
+
+@functools.cache
+def particle_reader(spec: Spec) -> SimpleNamespace:
+    """Functions that read a property of particle j: one value for all where all are equal."""
+    t = structs(spec.precision)
+    Params, Particles, Laws, Body = t.Params, t.Particles, laws_struct(spec), body_struct(spec)
+    velocity_of, next_velocity_of = body_reader(spec, "velocity"), body_reader(spec, "velocity_ahead")
+    spin_of = body_reader(spec, "angular_velocity")
+    next_spin_of = body_reader(spec, "angular_velocity_ahead")
+
+    @wp.func
+    def radius_of(params: Params, particles: Particles, j: wp.int32):
+        if wp.static(spec.polydisperse):
+            return particles.radius[j]
+        return params.radius
+
+    @wp.func
+    def mass_of(params: Params, particles: Particles, j: wp.int32):
+        if wp.static(spec.per_particle_mass):
+            return particles.mass[j]
+        return params.mass
+
+    @wp.func
+    def pair_of(params: Params, particles: Particles, laws: Laws, material: wp.int32, j: wp.int32):
+        if wp.static(spec.multi_material):
+            return laws.pairs[material * params.materials + particles.material[j]]
+        return laws.pair
+
+    @wp.func
+    def velocity_ahead(now: wp.array[Body], j: wp.int32, mode: wp.int32):
+        """Half a step ahead (integrator "path"); at set-up the present one, for none is predicted yet."""
+        if mode & SETUP:
+            return velocity_of(now, j)
+        return next_velocity_of(now, j)
+
+    @wp.func
+    def spin_ahead(now: wp.array[Body], j: wp.int32, mode: wp.int32):
+        if mode & SETUP:
+            return spin_of(now, j)
+        return next_spin_of(now, j)
+
+    return SimpleNamespace(
+        radius=radius_of, mass=mass_of, pair=pair_of,
+        velocity=velocity_of, spin=spin_of, velocity_ahead=velocity_ahead, spin_ahead=spin_ahead,
+    )  # fmt: skip
+
+
+@functools.cache
+def entry_access(spec: Spec) -> SimpleNamespace:
+    """Functions for entry k of the list: its partner, and the contact history stored in it."""
+    t = structs(spec.precision)
+    Particles, vec3 = t.Particles, t.vec3
+    vectors, put_int = access(vec3), access(wp.int32).put
+    get_if, put = vectors.get_if, vectors.put
+
+    @wp.func
+    def partner(entry: wp.int32):
+        """The particle, or n + the wall, of an entry; a negative one was in contact in the last step."""
+        if wp.static(spec.contact_history):
+            if entry < 0:
+                return -entry - 1
+        return entry
+
+    @wp.func
+    def part(particles: Particles, k: wp.int32, entry: wp.int32, other: wp.int32):
+        """Mark that the two of an entry are not in contact."""
+        if wp.static(spec.contact_history):
+            if entry < 0:
+                put_int(particles.neighbor, k, other)
+
+    @wp.func
+    def spring(particles: Particles, k: wp.int32, entry: wp.int32):
+        if wp.static(spec.spring_history):
+            return get_if(particles.spring, k, entry < 0)
+        return vec3()
+
+    @wp.func
+    def rolling(particles: Particles, k: wp.int32, entry: wp.int32):
+        if wp.static(spec.rolling_history):
+            return get_if(particles.rolling_torque, k, entry < 0)
+        return vec3()
+
+    @wp.func
+    def store(
+        particles: Particles, k: wp.int32, entry: wp.int32, other: wp.int32,
+        spring: vec3, rolling: vec3, mode: wp.int32,
+    ):  # fmt: skip
+        """The history after the step; nothing at set-up."""
+        if wp.static(spec.contact_history):
+            if not (mode & SETUP):
+                if wp.static(spec.spring_history):
+                    put(particles.spring, k, spring)
+                if wp.static(spec.rolling_history):
+                    put(particles.rolling_torque, k, rolling)
+                if entry >= 0:
+                    put_int(particles.neighbor, k, -other - 1)
+
+    return SimpleNamespace(partner=partner, part=part, spring=spring, rolling=rolling, store=store)
+
+
+@functools.cache
+def step_end(spec: Spec) -> Any:
+    """A function: second half kick to the full step (not at set-up), first half kick and drift of the next.
+
+    Requests a rebuild where the particle has moved more than half the skin since the last one.
+    """
+    t = structs(spec.precision)
+    real, wide3, vec3 = t.real, t.wide3, t.vec3
+    Params, Particles, StepOutput, Body = t.Params, t.Particles, t.StepOutput, body_struct(spec)
+    put_body, get_wide, to_wide = body_writer(spec), access(wide3).get, conversions(spec.precision).to_wide
+
+    @wp.func
+    def end_step(
+        params: Params, mode: wp.int32, launch: wp.int32, i: wp.int32, x: wide3, v: wide3, w: wide3,
+        radius: t.wide, mass: real, force: vec3, torque: vec3, contacts: wp.int32,
+        particles: Particles, after: wp.array[Body], output: StepOutput,
+    ):  # fmt: skip
+        kick = params.kick
+        spin_kick = params.spin_kick
+        if wp.static(spec.per_particle_mass):
+            kick = real(0.5) * params.dt / mass
+            spin_kick = real(0.5) * params.dt / (real(0.4) * real(radius) * real(radius) * mass)
+        second_kick = kick
+        second_spin_kick = spin_kick
+        if mode & SETUP:
+            second_kick = real(0.0)
+            second_spin_kick = real(0.0)
+        v = v + to_wide(second_kick * force)
+        if wp.static(spec.rotation):
+            w = w + to_wide(second_spin_kick * torque)
+        if mode & WRITE:
+            output.velocity[i] = v
+            output.force[i] = force
+            output.contacts[i] = contacts
+            if wp.static(spec.rotation):
+                output.angular_velocity[i] = w
+                output.torque[i] = torque
+        v = v + to_wide(kick * force)
+        x = x + params.dt_wide * v
+        if wp.static(spec.rotation):
+            w = w + to_wide(spin_kick * torque)
+        v_next = v
+        w_next = w
+        if wp.static(spec.path):
+            v_next = v + to_wide(real(2.0) * kick * force)
+            if wp.static(spec.rotation):
+                w_next = w + to_wide(real(2.0) * spin_kick * torque)
+        put_body(after, i, x, v, w, v_next, w_next)
+        shift = x - get_wide(particles.x_at_rebuild, i)
+        if not (wp.dot(shift, shift) <= params.move_limit):  # true for NaN too
+            particles.rebuild_pending[launch + 1] = 1
+            particles.rebuild_requested[launch + 1] = 1
+
+    return end_step
 
 
 @functools.cache
 def step_kernel(spec: Spec) -> Any:
     """The step kernel of one Spec."""
-    t = structs(spec.precision, spec.vibration)
+    t = structs(spec.precision)
     real, vec3, wide, wide3 = t.real, t.vec3, t.wide, t.wide3
-    Params, Particles, Walls, Full = t.Params, t.Particles, t.Walls, t.Full
-    Body = body_struct(spec)
-    position_of, velocity_of = body_reader(spec, "position"), body_reader(spec, "velocity")
-    angular_velocity_of = body_reader(spec, "angular_velocity")
-    velocity_ahead_of = body_reader(spec, "velocity_ahead")
-    angular_velocity_ahead_of = body_reader(spec, "angular_velocity_ahead")
-    put_body = body_writer(spec)
-    vectors, integers, get_wide = access(vec3), access(wp.int32), access(wide3).get
-    get, get_if, put, subtract = vectors.get, vectors.get_if, vectors.put, vectors.subtract
-    get_int, put_int = integers.get, integers.put
-    geometry = contact_geometry(spec)
-    narrow, widen, set_motion = geometry.narrow, geometry.widen, geometry.set_motion
-    pair_contact, wall_contact, turned = geometry.pair_contact, geometry.wall_contact, geometry.turned
-    law = contact_law(spec.normal, spec.tangential, spec.rolling, spec.limit_force, spec.path)
-    edge = damping_force(spec.normal, spec.limit_force)
+    Params, Particles, Walls, StepOutput, Laws = (
+        t.Params,
+        t.Particles,
+        t.Walls,
+        t.StepOutput,
+        laws_struct(spec),
+    )
+    Body, position_of, end_step = body_struct(spec), body_reader(spec, "position"), step_end(spec)
+    of, entry_of = particle_reader(spec), entry_access(spec)
+    radius_of, mass_of, pair_of = of.radius, of.mass, of.pair
+    velocity_of, spin_of, velocity_ahead, spin_ahead = of.velocity, of.spin, of.velocity_ahead, of.spin_ahead
+    partner, part, spring_of, rolling_of = entry_of.partner, entry_of.part, entry_of.spring, entry_of.rolling
+    store = entry_of.store
+    vectors, get_int = access(vec3), access(wp.int32).get
+    get, put, subtract = vectors.get, vectors.put, vectors.subtract
+    geometry, procedure, convert = (
+        contact_geometry(spec),
+        contact_procedure(spec),
+        conversions(spec.precision),
+    )
+    to_real, to_wide = convert.to_real, convert.to_wide
+    sphere_contact, wall_contact = geometry.sphere_contact, geometry.wall_contact
+    resolve, damping_apart = procedure.resolve, procedure.damping_apart
     nearest = nearest_image(spec.periodic, spec.precision)
-    moving = distance_now(spec.precision)
+    surface = wall_surface(spec.walls) if spec.walls else None
+    fast_gap = fast_floor_gap(spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False)
     def step(
@@ -60,236 +239,131 @@ def step_kernel(spec: Spec) -> Any:
         mode: wp.int32,
         launch: wp.int32,
         # in
+        laws: Laws,
         walls: Walls,
         now: wp.array[Body],
         # in and out
         particles: Particles,
         # out
         after: wp.array[Body],
-        full: Full,
+        output: StepOutput,
     ):
         i = begin + wp.tid()
-        if get_int(particles.moved, launch) != 0:  # an earlier launch of this chunk made the list out of date
-            particles.moved[launch + 1] = 1
+        if get_int(particles.rebuild_pending, launch) != 0:  # an earlier launch made the list out of date
+            particles.rebuild_pending[launch + 1] = 1
             return
-        x = position_of(now, i)
-        v = velocity_of(now, i)
-        w = wide3()
-        if wp.static(spec.rotation):
-            w = angular_velocity_of(now, i)
-        radius = params.radius
-        if wp.static(spec.several_radii):
-            radius = particles.radius[i]
-        mass = params.mass
-        if wp.static(spec.several_masses):
-            mass = particles.mass[i]
+        x, v, w = position_of(now, i), velocity_of(now, i), spin_of(now, i)
+        radius, mass = radius_of(params, particles, i), mass_of(params, particles, i)
         material = wp.int32(0)
-        if wp.static(spec.several_materials):
+        if wp.static(spec.multi_material):
             material = particles.material[i]
         dt = params.dt
         if mode & SETUP:
             dt = real(0.0)
-        v_ahead = v
-        w_ahead = w
+        v_next, w_next = v, w
         if wp.static(spec.path):
-            if not (mode & SETUP):
-                v_ahead = velocity_ahead_of(now, i)
-                if wp.static(spec.rotation):
-                    w_ahead = angular_velocity_ahead_of(now, i)
-
-        force = vec3()
-        torque = vec3()
-        contacts = wp.int32(0)
+            v_next, w_next = velocity_ahead(now, i, mode), spin_ahead(now, i, mode)
+        force, torque, contacts = vec3(), vec3(), wp.int32(0)
         block_end = wp.int32(0)
         if wp.static(spec.half_list):
             block_end = (i // params.block + 1) * params.block
-            force = get(particles.force_so_far, i)
-            put(particles.force_so_far, i, vec3())
+            force = get(particles.partial_force, i)
+            put(particles.partial_force, i, vec3())
             if wp.static(spec.rotation):
-                torque = get(particles.torque_so_far, i)
-                put(particles.torque_so_far, i, vec3())
+                torque = get(particles.partial_torque, i)
+                put(particles.partial_torque, i, vec3())
+        first, last = get_int(particles.start, i), get_int(particles.start, i + 1)
+        first_wall = last
+        if wp.static(bool(spec.walls)):
+            first_wall = get_int(particles.wall_start, i)
 
-        # particles
-        for k in range(get_int(particles.start, i), get_int(particles.start, i + 1)):
+        for k in range(first, first_wall):  # particles
             entry = get_int(particles.neighbor, k)
-            j = entry
-            if wp.static(spec.memory):
-                if entry < 0:
-                    j = -entry - 1
+            j = partner(entry)
             d = nearest(x - position_of(now, j), params.size)
             rsq = wp.dot(d, d)
-            radius_j = params.radius
-            if wp.static(spec.several_radii):
-                radius_j = particles.radius[j]
+            radius_j = radius_of(params, particles, j)
             reach = radius + radius_j
+            if wp.static(spec.long_range):
+                reach += params.range
             if not (rsq < reach * reach):
-                if wp.static(spec.memory):
-                    if entry < 0:
-                        put_int(particles.neighbor, k, j)
-                if wp.static(spec.path):  # may touch within half a step before or ahead
+                part(particles, k, entry, j)
+                if wp.static(spec.path):  # may overlap half a step before or after
                     reach += wide(0.5) * params.skin
                     if rsq < reach * reach and not (mode & SETUP):
-                        mass_j = params.mass
-                        if wp.static(spec.several_masses):
-                            mass_j = particles.mass[j]
-                        c = pair_contact(d, rsq, radius, radius_j, mass, mass_j)
-                        behind = narrow(v - velocity_of(now, j))
-                        c = set_motion(c, behind, narrow(v_ahead - velocity_ahead_of(now, j)), dt)
-                        pair = params.pair
-                        if wp.static(spec.several_materials):
-                            pair = particles.pairs[material * params.materials + particles.material[j]]
-                        f = edge(c, pair, dt)
+                        c = sphere_contact(d, rsq, radius, radius_j, mass, mass_of(params, particles, j))
+                        v_rel, v_rel_next = v - velocity_of(now, j), v_next - velocity_ahead(now, j, mode)
+                        f = damping_apart(
+                            c, v_rel, v_rel_next, pair_of(params, particles, laws, material, j), dt
+                        )
                         force += f
                         if wp.static(spec.half_list):
                             if j > i and j < block_end:
-                                subtract(particles.force_so_far, j, f)
+                                subtract(particles.partial_force, j, f)
                 continue
-            mass_j = params.mass
-            if wp.static(spec.several_masses):
-                mass_j = particles.mass[j]
-            c = pair_contact(d, rsq, radius, radius_j, mass, mass_j)
-            lever_j = real(radius_j) - real(0.5) * c.overlap
-            v_j = velocity_of(now, j)
-            w_j = wide3()
-            if wp.static(spec.rotation):
-                w_j = angular_velocity_of(now, j)
-                c.spin = narrow(w - w_j)
-            behind = turned(c, v - v_j, w, w_j, lever_j)
-            ahead = behind
+            c = sphere_contact(d, rsq, radius, radius_j, mass, mass_of(params, particles, j))
+            v_rel, w_j = v - velocity_of(now, j), spin_of(now, j)
+            v_rel_next, w_j_next = v_rel, w_j
             if wp.static(spec.path):
-                if not (mode & SETUP):
-                    v_j = velocity_ahead_of(now, j)
-                    if wp.static(spec.rotation):
-                        w_j = angular_velocity_ahead_of(now, j)
-                    ahead = turned(c, v_ahead - v_j, w_ahead, w_j, lever_j)
-            c = set_motion(c, behind, ahead, dt)
-            pair = params.pair
-            if wp.static(spec.several_materials):
-                pair = particles.pairs[material * params.materials + particles.material[j]]
-            spring = vec3()
-            kept = vec3()
-            if wp.static(spec.history):
-                spring = get_if(particles.spring, k, entry < 0)
-            if wp.static(spec.rolling_history):
-                kept = get_if(particles.rolling, k, entry < 0)
-            f, turn, rolling, spring_new = law(c, pair, spring, kept, dt, params.dt)
+                v_rel_next, w_j_next = v_next - velocity_ahead(now, j, mode), spin_ahead(now, j, mode)
+            if wp.static(spec.rotation):
+                c.spin = to_real(w - w_j)
+            f, torque_i, torque_j, spring, rolling = resolve(
+                c, v_rel, v_rel_next, w, w_next, w_j, w_j_next, real(radius_j) - real(0.5) * c.overlap,
+                pair_of(params, particles, laws, material, j), spring_of(particles, k, entry),
+                rolling_of(particles, k, entry), dt, params.dt,
+            )  # fmt: skip
             force += f
-            torque -= c.lever * turn + rolling
+            torque += torque_i
             contacts += 1
             if wp.static(spec.half_list):
                 if j > i and j < block_end:
-                    subtract(particles.force_so_far, j, f)
+                    subtract(particles.partial_force, j, f)
                     if wp.static(spec.rotation):
-                        subtract(particles.torque_so_far, j, lever_j * turn - rolling)
+                        subtract(particles.partial_torque, j, -torque_j)
                     contacts += 1
-            if wp.static(spec.memory):
-                if not (mode & SETUP):
-                    if wp.static(spec.history):
-                        put(particles.spring, k, spring_new)
-                    if wp.static(spec.rolling_history):
-                        put(particles.rolling, k, rolling)
-                    if entry >= 0:
-                        put_int(particles.neighbor, k, -j - 1)
+            store(particles, k, entry, j, spring, rolling, mode)
 
-        # walls
-        if wp.static(spec.walls):
-            touch = wp.int32(0)
-            touched = wp.int32(0)
-            if wp.static(spec.memory):
-                touched = get_int(particles.wall_touch, i)
-            near = get_int(particles.wall_near, i)
-            for k in range(params.planes):
-                if (near >> k) == 0:
-                    break
-                if near & (1 << k) == 0:
-                    continue
-                normal = walls.normal[k]
-                distance = plane_distance(x, normal, walls.offset[k])
-                if wp.static(spec.vibration):
-                    at = launch * params.planes + k
-                    distance = moving(
-                        params, walls, particles, i, k, at, distance, radius, wp.dot(v, normal), dt
-                    )
-                if not (distance <= radius):
+        if wp.static(bool(spec.walls)):
+            contact_gap = radius
+            if wp.static(spec.long_range):
+                contact_gap = radius + params.range
+            for k in range(first_wall, last):
+                entry = get_int(particles.neighbor, k)
+                other = partner(entry)
+                wall = other - params.n
+                v_wall, place = wide3(), x
+                if wp.static(spec.moving_walls):
+                    v_wall = walls.velocity[wall]
+                    place = x - walls.displacement[launch * params.walls + wall]
+                gap, normal = surface(walls, wall, place)
+                if wp.static(spec.moving_walls):
+                    gap = fast_gap(params, walls, particles, k, wall, gap, normal, radius, v, dt)
+                wall_pair = laws.wall_pairs[wall * params.materials + material]
+                if not (gap <= contact_gap):
+                    part(particles, k, entry, other)
                     if wp.static(spec.path):
                         if not (mode & SETUP):
-                            at_wall = wall_contact(distance, normal, radius, mass)
-                            at_wall = set_motion(at_wall, narrow(v), narrow(v_ahead), dt)
-                            force += edge(at_wall, walls.pairs[k * params.materials + material], dt)
+                            c = wall_contact(gap, normal, radius, mass, w)
+                            force += damping_apart(c, v - v_wall, v_next - v_wall, wall_pair, dt)
                     continue
-                at_wall = wall_contact(distance, normal, radius, mass)
-                if wp.static(spec.rotation):
-                    at_wall.spin = (at_wall.lever / real(distance)) * narrow(w)
-                v_point = turned(at_wall, v, w, wide3(), real(0.0))
-                if wp.static(spec.vibration):
-                    v_point = v_point - narrow(walls.speed[k] * normal)
-                v_point_ahead = turned(at_wall, v_ahead, w_ahead, wide3(), real(0.0))
-                at_wall = set_motion(at_wall, v_point, v_point_ahead, dt)
-                wall_spring = vec3()
-                wall_kept = vec3()
-                held = (touched & (1 << k)) != 0
-                if wp.static(spec.history):
-                    wall_spring = get_if(particles.wall_spring, k * params.n + i, held)
-                if wp.static(spec.rolling_history):
-                    wall_kept = get_if(particles.wall_rolling, k * params.n + i, held)
-                wall_pair = walls.pairs[k * params.materials + material]
-                push, wall_turn, wall_rolling, wall_spring_new = law(
-                    at_wall, wall_pair, wall_spring, wall_kept, dt, params.dt
-                )
-                force += push
-                if wp.static(spec.vibration):
-                    if not (mode & SETUP):
-                        work = wp.float64(wp.dot(push, at_wall.normal))
-                        particles.wall_work[i] += work * wp.float64(walls.speed[k] * params.drift)
-                torque -= at_wall.lever * wall_turn + wall_rolling
+                c = wall_contact(gap, normal, radius, mass, w)
+                f, torque_i, torque_j, spring, rolling = resolve(
+                    c, v - v_wall, v_next - v_wall, w, w_next, wide3(), wide3(), real(0.0), wall_pair,
+                    spring_of(particles, k, entry), rolling_of(particles, k, entry), dt, params.dt,
+                )  # fmt: skip
+                force += f
+                torque += torque_i
                 contacts += 2  # a contact with a particle is counted from both sides
-                if wp.static(spec.memory):
+                if wp.static(spec.moving_walls):
                     if not (mode & SETUP):
-                        if wp.static(spec.history):
-                            put(particles.wall_spring, k * params.n + i, wall_spring_new)
-                        if wp.static(spec.rolling_history):
-                            put(particles.wall_rolling, k * params.n + i, wall_rolling)
-                        touch = touch | (1 << k)
-            if wp.static(spec.memory):
-                if touch != touched and not (mode & SETUP):
-                    put_int(particles.wall_touch, i, touch)
+                        particles.wall_work[i] += wp.float64(wp.dot(to_wide(f), v_wall) * params.dt_wide)
+                store(particles, k, entry, other, spring, rolling, mode)
 
         if wp.static(spec.gravity):
             force += mass * params.gravity
-
-        # second half kick to the full step, first half kick and drift of the next
-        kick = params.kick
-        spin_kick = params.spin_kick
-        if wp.static(spec.several_masses):
-            kick = real(0.5) * params.dt / mass
-            spin_kick = real(0.5) * params.dt / (real(0.4) * real(radius) * real(radius) * mass)
-        behind_kick = kick
-        behind_spin_kick = spin_kick
-        if mode & SETUP:  # velocities are at the full step already
-            behind_kick = real(0.0)
-            behind_spin_kick = real(0.0)
-        v = v + widen(behind_kick * force)
-        if wp.static(spec.rotation):
-            w = w + widen(behind_spin_kick * torque)
-        if mode & WRITE:
-            full.velocity[i] = v
-            full.force[i] = force
-            full.contacts[i] = contacts
-            if wp.static(spec.rotation):
-                full.angular_velocity[i] = w
-                full.torque[i] = torque
-        v = v + widen(kick * force)
-        x = x + params.drift * v
-        if wp.static(spec.rotation):
-            w = w + widen(spin_kick * torque)
-        if wp.static(spec.path):
-            v_ahead = v + widen(real(2.0) * kick * force)
-            if wp.static(spec.rotation):
-                w_ahead = w + widen(real(2.0) * spin_kick * torque)
-        put_body(after, i, x, v, w, v_ahead, w_ahead)
-        shift = x - get_wide(particles.built_at, i)
-        if not (wp.dot(shift, shift) <= params.move_limit):  # true for NaN too
-            particles.moved[launch + 1] = 1
-            particles.asked[launch + 1] = 1
+        end_step(
+            params, mode, launch, i, x, v, w, radius, mass, force, torque, contacts, particles, after, output
+        )
 
     return step

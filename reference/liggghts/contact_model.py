@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from gpudem.contact.law import Law, LiggghtsWords
+
+from gpudem.contact import registry
 from gpudem.scene import Pair, Scene
+
+
+def words_of(law: Law) -> LiggghtsWords:
+    """A law's words; `limits.check` has refused a scene whose law has none."""
+    assert law.liggghts is not None
+    return law.liggghts
 
 
 def model(scene: Scene) -> str:
@@ -15,9 +24,10 @@ def model(scene: Scene) -> str:
     LIGGGHTS applies its tangential dashpot without regard to mu.
     """
     tangential = scene.contact.tangential if scene.needs.tangential else "no_history"
-    words = [scene.contact.normal, "tangential", tangential]
+    words = [words_of(scene.normal_law).word, "tangential"]
+    words.append(words_of(registry.law("tangential", tangential)).word)
     if scene.needs.rolling:
-        words += ["rolling_friction", scene.contact.rolling]
+        words += ["rolling_friction", words_of(registry.law("rolling", scene.contact.rolling)).word]
     return " ".join(words)
 
 
@@ -44,20 +54,20 @@ def properties(scene: Scene) -> list[tuple[str, str]]:
         rows = [_pair_value(scene, a, b, value, filler) for a in scene.materials for b in scene.materials]
         found.append((name, f"peratomtypepair {kinds} {' '.join(repr(v) for v in rows)}"))
 
-    if scene.contact.normal == "hertz/stiffness":
-        per_pair("kn", lambda p: p.kn or 0.0, 0.0)
-        per_pair("kt", lambda p: p.kt or 0.0, 0.0)
-        per_pair("gamman", lambda p: p.gamma_n or 0.0, 0.0)
-        per_pair("gammat", lambda p: p.gamma_t or 0.0, 0.0)
-    else:
-        per_type("youngsModulus", lambda m: m.young)
-        per_type("poissonsRatio", lambda m: m.poisson)
-        per_pair("coefficientRestitution", lambda p: p.restitution, 1.0)
-    if scene.contact.normal == "hooke":
-        found.append(("characteristicVelocity", f"scalar {scene.contact.characteristic_velocity!r}"))
+    def of_law(law: Law) -> None:
+        words = words_of(law)
+        for kind, name, value, filler in words.properties:
+            if kind == "per_material":
+                per_type(name, value)
+            elif kind == "per_pair":
+                per_pair(name, value, filler)
+            else:
+                found.append((name, f"scalar {value(scene.contact)!r}"))
+
+    of_law(scene.normal_law)
     per_pair("coefficientFriction", lambda p: p.friction if scene.needs.tangential else 0.0, 0.0)
     if scene.needs.rolling:
-        per_pair("coefficientRollingFriction", lambda p: p.rolling_friction, 0.0)
+        of_law(registry.law("rolling", scene.contact.rolling))
     return found
 
 

@@ -14,6 +14,16 @@ MIN_CHARACTERISTIC_VELOCITY = 0.01
 def check(scene: Scene) -> None:
     """Raises LiggghtsCannotState listing every item of the scene that LIGGGHTS cannot state."""
     found = [_restitution(p) for p in scene.contact_pairs if _too_inelastic(scene, p)]
+    found += [
+        f"contact.{law.slot} = {law.name!r}: LIGGGHTS has no such law"
+        for law in scene.laws
+        if law.liggghts is None
+    ]
+    found += [
+        f"walls.{wall.name}.kind = {wall.kind!r}: LIGGGHTS gets planes only"
+        for wall in scene.wall_elements
+        if wall.kind != "plane"
+    ]
     found += [_tilted(p) for p in scene.planes if max(map(abs, p.normal)) != 1.0]
     found += [
         f"walls.{p.name}.vibration: LIGGGHTS has no saw-tooth motion of a plane"
@@ -21,7 +31,11 @@ def check(scene: Scene) -> None:
         if p.vibration
     ]
     speed = scene.contact.characteristic_velocity
-    if scene.contact.normal == "hooke" and speed is not None and speed < MIN_CHARACTERISTIC_VELOCITY:
+    if (
+        "characteristic_velocity" in scene.normal_law.reads
+        and speed is not None
+        and speed < MIN_CHARACTERISTIC_VELOCITY
+    ):
         found.append(
             f"contact.characteristic_velocity = {speed:g} m/s: LIGGGHTS wants at least"
             f" {MIN_CHARACTERISTIC_VELOCITY:g} m/s"
@@ -33,8 +47,7 @@ def check(scene: Scene) -> None:
 
 
 def _too_inelastic(scene: Scene, pair: Pair) -> bool:
-    # hertz/stiffness takes its damping from gamma_n; the restitution is not read
-    return scene.contact.normal != "hertz/stiffness" and pair.restitution <= MIN_RESTITUTION
+    return "restitution" in scene.normal_law.reads and pair.restitution <= MIN_RESTITUTION
 
 
 def _restitution(pair: Pair) -> str:

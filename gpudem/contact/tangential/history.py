@@ -1,13 +1,15 @@
-"""Tangential laws: force on i in the tangent plane [N], and the shear spring after the step [m]."""
+"""Shear spring with history and Coulomb slip (LIGGGHTS `history`)."""
 
 from typing import Any
 
 import warp as wp
 
+from gpudem.contact.law import LiggghtsWords, PairInputs, TangentialLaw
+
 
 @wp.func
 def history(c: Any, p: Any, kt: Any, ct: Any, fn: Any, spring: Any):
-    """Spring with memory and Coulomb slip (LIGGGHTS `history`).
+    """Force on i in the tangent plane [N], and the shear spring after the step [m].
 
         s += slide;  s -= (s.n) n            slide = v_t dt; projected on the present plane, not stretched
         slip,  k_t |s| > mu |F_n|:           F_t = -mu |F_n| s/|s|,  s = -F_t/k_t,  no dashpot
@@ -26,15 +28,17 @@ def history(c: Any, p: Any, kt: Any, ct: Any, fn: Any, spring: Any):
     return -kt * s - ct * c.tangential_velocity, s
 
 
-@wp.func
-def no_history(c: Any, p: Any, kt: Any, ct: Any, fn: Any, spring: Any):
-    """Viscous friction without memory, F_t = -min(c_t, mu |F_n|/|v_t|) v_t (LIGGGHTS `no_history`)."""
-    speed = wp.length(c.tangential_velocity)
-    coefficient = ct
-    limit = p.friction * wp.abs(fn)
-    if ct * speed > limit:
-        coefficient = limit / speed
-    return -coefficient * c.tangential_velocity, spring
+class History(TangentialLaw):
+    """Coulomb friction mu of the pair."""
+
+    name = "history"
+    history = True
+    reads = ("friction", "tangential_damping")
+    coefficients = ("friction",)
+    liggghts = LiggghtsWords("history")
+
+    def coefficients_of(self, inputs: PairInputs) -> dict[str, float]:  # noqa: D102
+        return {"friction": inputs.pair.friction}
 
 
-TANGENTIAL = {"history": history, "no_history": no_history}
+LAW = History(history)

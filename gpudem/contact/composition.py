@@ -1,0 +1,95 @@
+"""The complete contact law of a scene, composed from its slots when the kernel is built."""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from gpudem.contact import registry
+
+
+@functools.cache
+def mean_damping(normal: str) -> Any:
+    """A function (contact, pair, dt) -> mean damping force [N] over the step around the present position.
+
+    (W(overlap_plus_half) - W(overlap_minus_half))/dt with W the integral of c_n over the overlap: exact for
+    that path, also where c_n starts like overlap^(1/4).
+    """
+    integral = registry.law("normal", normal).damping_integral
+
+    @wp.func
+    def mean(c: Any, p: Any, dt: Any):
+        return (
+            wp.static(integral)(c, p, c.overlap_plus_half) - wp.static(integral)(c, p, c.overlap_minus_half)
+        ) / dt
+
+    return mean
+
+
+@functools.cache
+def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, path: bool) -> Any:
+    """A function (contact, pair, spring, last, dt, step) -> (force [N], n x F_t [N], rolling [N m], spring).
+
+    The force is that on i; the torques are -lever (n x F_t) - rolling on i and -lever_j (n x F_t) + rolling
+    on j. `spring` [m] is that of the tangential law, `last` [N m] the rolling torque of the last step, of a
+    law with history; dt is 0 at set-up, `step` the time step always. Slots that are "off" leave no code.
+    Antisymmetric in i and j: both sides of a contact, computed separately, give opposite forces.
+
+    With `path` and dt > 0 the damping force is `mean_damping`, and the tangential dashpot takes the mean of
+    its coefficient likewise.
+    """
+    stiffness = registry.law("normal", normal).stiffness
+    damping_over_step = mean_damping(normal)
+    tangential_law = registry.find("tangential", tangential)
+    rolling_law = registry.find("rolling", rolling)
+    tangential_force = tangential_law.force if tangential_law else None
+    rolling_torque_of = rolling_law.torque if rolling_law else None
+
+    @wp.func
+    def law(c: Any, p: Any, spring: Any, last: Any, dt: Any, step: Any):
+        kn, kt, cn, ct = wp.static(stiffness)(c, p)
+        damping = -cn * c.normal_velocity
+        if wp.static(path):
+            if dt > type(dt)(0.0):
+                damping = wp.static(damping_over_step)(c, p, dt)
+                travel = c.overlap_plus_half - c.overlap_minus_half
+                if wp.abs(travel) > type(dt)(0.001) * c.overlap and cn > type(dt)(0.0):
+                    ct = ct * (damping * dt / (travel * cn))
+        fn = kn * c.overlap + damping
+        if wp.static(limit_force):
+            fn = wp.max(fn, type(fn)(0.0))
+        force = fn * c.normal
+        n_cross_ft = type(c.normal)()
+        if wp.static(tangential_force is not None):
+            ft, spring_new = wp.static(tangential_force)(c, p, kt, ct, fn, spring)
+            force = force + ft
+            n_cross_ft = wp.cross(c.normal, ft)
+        else:
+            spring_new = spring
+        rolling_torque = type(c.normal)()
+        if wp.static(rolling_torque_of is not None):
+            rolling_torque = wp.static(rolling_torque_of)(c, p, kn, kt, fn, last, step)
+        return force, n_cross_ft, rolling_torque, spring_new
+
+    return law
+
+
+@functools.cache
+def damping_force(normal: str, limit_force: bool) -> Any:
+    """A function (contact, pair, dt) -> mean damping force on i [N] over the step around this position.
+
+    For bodies that do not overlap at the step itself, but half a step before or after it: the windows of
+    consecutive steps join, so no part of the damping's integral is lost or counted twice.
+    """
+    damping_over_step = mean_damping(normal)
+
+    @wp.func
+    def force(c: Any, p: Any, dt: Any):
+        if c.overlap_minus_half > type(dt)(0.0) or c.overlap_plus_half > type(dt)(0.0):
+            fn = wp.static(damping_over_step)(c, p, dt)
+            if wp.static(limit_force):
+                fn = wp.max(fn, type(fn)(0.0))
+            return fn * c.normal
+        return type(c.normal)()
+
+    return force

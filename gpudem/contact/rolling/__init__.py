@@ -1,0 +1,1 @@
+"""Rolling laws: one file each, named after the law."""

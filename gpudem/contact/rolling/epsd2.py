@@ -1,0 +1,45 @@
+"""Elastic-plastic rolling spring without dashpot (LIGGGHTS `epsd2`)."""
+
+from typing import Any
+
+import warp as wp
+
+from gpudem.contact.law import LiggghtsWords, PairInputs, RollingLaw
+
+
+@wp.func
+def epsd2(c: Any, p: Any, kn: Any, kt: Any, fn: Any, last: Any, dt: Any):
+    """Torque [N m] of a rolling spring; it holds a sphere on a slope.
+
+        T += k_r w dt, w the relative spin without its part along n;  k_r = k_t R*^2
+        |T| > mu_r |F_n| R*:  T is cut to that length, and stored so
+
+    F_n counts with its damping part; the stored torque is not rotated with the normal. At the set-up of a run
+    it grows by a step as in any other, but is not stored: so does LIGGGHTS.
+    Source: Iwashita & Oda, J. Eng. Mech. 124 (1998) 285; Ai, Chen, Rotter & Ooi (2011), model C.
+    """
+    spin = c.spin - wp.dot(c.spin, c.normal) * c.normal
+    torque = last + (kt * c.radius_eff * c.radius_eff * dt) * spin
+    limit = p.rolling_friction * wp.abs(fn) * c.radius_eff
+    squared = wp.dot(torque, torque)
+    if squared > limit * limit:
+        return (limit / wp.sqrt(squared)) * torque
+    return torque
+
+
+class Epsd2(RollingLaw):
+    """Rolling friction mu_r of the pair."""
+
+    name = "epsd2"
+    history = True
+    reads = ("rolling_friction",)
+    coefficients = ("rolling_friction",)
+    liggghts = LiggghtsWords(
+        "epsd2", (("per_pair", "coefficientRollingFriction", lambda p: p.rolling_friction, 0.0),)
+    )
+
+    def coefficients_of(self, inputs: PairInputs) -> dict[str, float]:  # noqa: D102
+        return {"rolling_friction": inputs.pair.rolling_friction}
+
+
+LAW = Epsd2(epsd2)

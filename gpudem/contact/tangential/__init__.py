@@ -1,0 +1,1 @@
+"""Tangential laws: one file each, named after the law."""
