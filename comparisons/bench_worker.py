@@ -77,10 +77,10 @@ def moved_bytes(simulation: Solver) -> float:
         return sum(size for name, size in memory.items() if name.startswith(prefixes)) / n
 
     spring = np.dtype(np.float64 if simulation.spec.precision == "float64" else np.float32).itemsize * 3
-    once = each("now.", "next.", "particles.built_at", "particles.start", "particles.wall_near")
-    twice = each("particles.force_so_far", "particles.torque_so_far")
+    once = each("now.", "next.", "particles.x_at_rebuild", "particles.start", "particles.wall_start")
+    twice = each("particles.partial_force", "particles.partial_torque")
     listed = (4 * len(entries) + 2 * spring * np.count_nonzero(entries < 0)) / n
-    return once + 2 * twice + each("particles.wall_touch") + float(listed)
+    return once + 2 * twice + float(listed)
 
 
 def main(

@@ -86,7 +86,7 @@ def variants(tier: Tier) -> list[Variant]:
     for number, scene in enumerate(scenes().values() if tier in TIERS else ()):
         for repeat in range(REPEATS):
             for k, _ in enumerate(HOW):
-                options = {"gpudem": {"threads": 1, "everything": bool(k)}}
+                options = {"gpudem": {"threads": 1, "specialize": not k}}
                 made.append(Variant(f"five_{number}_{k}_{repeat}", scene, ("gpudem",), options))
     return made
 

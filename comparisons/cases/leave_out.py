@@ -12,7 +12,7 @@ from gpudem.output.run import Run
 
 STEPS = {"quick": 200, "standard": 2000, "full": 10000}
 PLAIN, FULL = "frictionless", "friction"
-ONLY_FULL = ("angular_velocity", "spring", "wall_spring", "wall_touch")
+ONLY_FULL = ("angular_velocity", "spring")
 
 
 def variants(tier: Tier) -> list[Variant]:

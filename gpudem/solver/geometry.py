@@ -127,7 +127,8 @@ def contact_procedure(spec: Spec) -> SimpleNamespace:
 
     resolve(contact, relative velocity of the centres half a step behind and ahead, angular velocities of i
     and j likewise, lever of j, pair, spring, last rolling torque, dt, step)
-    -> (force on i, torque on i, torque on j, spring and rolling torque after the step).
+    -> (force on i, n x F_t, spring and rolling torque after the step); the torque on i is
+    -(lever (n x F_t) + rolling torque), that on j is rolling torque - lever_j (n x F_t).
     damping_apart(contact, velocities likewise, pair, dt) -> force on i, of bodies that do not overlap at the
     step itself (integrator "path").
     """
@@ -176,9 +177,7 @@ def contact_procedure(spec: Spec) -> SimpleNamespace:
             v_point_next = contact_point_velocity(c, v_next, w_i_next, w_j_next, lever_j)
         c = set_relative_motion(c, v_point, v_point_next, dt)
         force, n_cross_ft, rolling, spring_new = law(c, pair, spring, last, dt, step)
-        torque_i = -(c.lever * n_cross_ft + rolling)
-        torque_j = rolling - lever_j * n_cross_ft
-        return force, torque_i, torque_j, spring_new, rolling
+        return force, n_cross_ft, spring_new, rolling
 
     @wp.func
     def damping_apart(c: Contact, v: wide3, v_next: wide3, pair: Any, dt: real):

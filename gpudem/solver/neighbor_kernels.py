@@ -3,8 +3,8 @@
 Rebuilding: cell of each particle -> stable sort -> particle arrays re-ordered -> entries counted, offsets
 summed, list filled from the 27 cells around and from the walls -> history of the contacts found again. All on
 the device. Of each particle the list holds first its neighbors, those in contact before the others, then its
-walls. It is full (i holds j and j holds i), or half within each block of particles (the first holds the other)
-and full across blocks.
+walls. It is full (i holds j and j holds i), or half within each block of particles (the first holds the
+other) and full across blocks.
 """
 
 import functools

@@ -1,7 +1,7 @@
 """The solver: a scene on a device, stepped in LIGGGHTS' order of operations.
 
     set-up:  forces at full-step velocities, springs only evaluated
-    step:    half kick, drift | list rebuilt if a particle moved more than skin/2 | forces, springs | half kick
+    step:    half kick, drift | list rebuilt if a particle moved over skin/2 | forces, springs | half kick
 
 A step kernel does the part from the forces on, and the first half of the next step with it.
 """

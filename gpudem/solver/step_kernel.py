@@ -302,25 +302,30 @@ def step_kernel(spec: Spec) -> Any:
                                 subtract(particles.partial_force, j, f)
                 continue
             c = sphere_contact(d, rsq, radius, radius_j, mass, mass_of(params, particles, j))
+            lever_j = real(radius_j) - real(0.5) * c.overlap
             v_rel, w_j = v - velocity_of(now, j), spin_of(now, j)
             v_rel_next, w_j_next = v_rel, w_j
             if wp.static(spec.path):
                 v_rel_next, w_j_next = v_next - velocity_ahead(now, j, mode), spin_ahead(now, j, mode)
             if wp.static(spec.rotation):
                 c.spin = to_real(w - w_j)
-            f, torque_i, torque_j, spring, rolling = resolve(
-                c, v_rel, v_rel_next, w, w_next, w_j, w_j_next, real(radius_j) - real(0.5) * c.overlap,
+            f, n_cross_ft, spring, rolling = resolve(
+                c, v_rel, v_rel_next, w, w_next, w_j, w_j_next, lever_j,
                 pair_of(params, particles, laws, material, j), spring_of(particles, k, entry),
                 rolling_of(particles, k, entry), dt, params.dt,
             )  # fmt: skip
             force += f
-            torque += torque_i
+            torque -= c.lever * n_cross_ft + rolling
             contacts += 1
             if wp.static(spec.half_list):
                 if j > i and j < block_end:
                     subtract(particles.partial_force, j, f)
                     if wp.static(spec.rotation):
-                        subtract(particles.partial_torque, j, -torque_j)
+                        subtract(
+                            particles.partial_torque,
+                            j,
+                            lever_j * n_cross_ft - rolling,
+                        )
                     contacts += 1
             store(particles, k, entry, j, spring, rolling, mode)
 
@@ -348,12 +353,12 @@ def step_kernel(spec: Spec) -> Any:
                             force += damping_apart(c, v - v_wall, v_next - v_wall, wall_pair, dt)
                     continue
                 c = wall_contact(gap, normal, radius, mass, w)
-                f, torque_i, torque_j, spring, rolling = resolve(
+                f, n_cross_ft, spring, rolling = resolve(
                     c, v - v_wall, v_next - v_wall, w, w_next, wide3(), wide3(), real(0.0), wall_pair,
                     spring_of(particles, k, entry), rolling_of(particles, k, entry), dt, params.dt,
                 )  # fmt: skip
                 force += f
-                torque += torque_i
+                torque -= c.lever * n_cross_ft + rolling
                 contacts += 2  # a contact with a particle is counted from both sides
                 if wp.static(spec.moving_walls):
                     if not (mode & SETUP):

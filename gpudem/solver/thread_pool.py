@@ -1,8 +1,7 @@
 """Launches over all particles, cut into slices for the cores of the CPU; one launch on a CUDA device.
 
 Warp runs a CPU launch on one core and releases Python's lock meanwhile, so a few threads, each with its own
-slice of the particles, use all cores. A sliced kernel writes only what belongs to its own particles. The standard
-library's ThreadPoolExecutor does the same with 20 to 40 us for a launch where this takes 8.
+slice of the particles, use all cores. A sliced kernel writes only what belongs to its own particles.
 """
 
 import functools

@@ -1,8 +1,8 @@
 """The kinds of walls by name: those in the files beside this one, and those of other packages.
 
 Another package adds a kind by an entry point of the group `gpudem.walls` that leads to its `WallKind`, or at
-run time by `register`. Its section is a `gpudem.scene.sections.Wall`: what a scene file says of such a wall, and
-its geometry on the host.
+run time by `register`. Its section is a `gpudem.scene.sections.Wall`: what a scene file says of such a wall,
+and its geometry on the host.
 """
 
 from __future__ import annotations

@@ -59,7 +59,11 @@ def test_modulus_of_hooke_gives_the_stiffness_wanted():
         particles=Explicit(position=[(0, 0, 0)], radius=radius, material="a"),
         domain=Domain(lo=(-1, -1, -1), hi=(1, 1, 1)), time=Time(step=1e-5, duration=1e-4),
     )  # fmt: skip
-    k = pair_coefficients(scene, "a", "a").k_normal * (radius / 2) ** 0.4 * (mass / 2) ** 0.2
+    k = (
+        pair_coefficients(scene.laws, scene.inputs("a", "a"))["k_normal"]
+        * (radius / 2) ** 0.4
+        * (mass / 2) ** 0.2
+    )
     assert k == pytest.approx(5e4, rel=1e-12)
 
 

@@ -13,7 +13,7 @@ from gpudem.scene.time_step import (
     USUAL_CONTACT,
     USUAL_RAYLEIGH,
     contact_time,
-    least_restitution,
+    min_restitution,
     rayleigh_time,
     step_for,
 )
@@ -78,7 +78,7 @@ def test_hertz_stiffness_reaches_its_accuracy(damping):
     deepest = radius - found.y[0].min()
     out = found.y[1, -1]
     assert out > 0
-    assert least_restitution(stated) == pytest.approx(out, rel=2e-3)
+    assert min_restitution(stated) == pytest.approx(out, rel=2e-3)
     error = np.abs(trace["position"][:, 0, 2] - found.y[0]).max() / deepest
     assert error < accuracy
     assert error > accuracy / 100

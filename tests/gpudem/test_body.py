@@ -35,7 +35,7 @@ def as_on_a_gpu(code: str) -> str:
 def test_words_hold_what_members_hold(spec):
     """Catches a number taken from or put into the wrong half of a word, a field one word off."""
     Body, fields = body_struct(spec), body_fields(spec)
-    vec3 = structs(spec.precision, False).wide3
+    vec3 = structs(spec.precision).wide3
     rng = np.random.default_rng(0)
     bodies = np.zeros(7, dtype=Body.numpy_dtype())
     assert bodies.dtype.itemsize % WORD == 0

@@ -22,7 +22,7 @@ from tests.gpudem.test_failures import escaping
 from tests.gpudem.test_neighbor_list import layers
 
 CPU = pytest.mark.skipif(not wp.is_cpu_available(), reason="no compiler for the CPU")
-REHEARSED = {"device": "cpu", "threads": 1, "half_list": False, "chunk": 32, "rebuild_inside": True}
+REHEARSED = {"device": "cpu", "threads": 1, "half_list": False, "chunk": 32, "rebuild_in_graph": True}
 DEVICES = pytest.mark.parametrize(
     "where",
     [
@@ -83,7 +83,7 @@ def test_again_to_the_last_bit(where):
     """
     scene = SCENES["gate"]()
     once = finish(simulation(scene, where))
-    for options in ({}, {"rebuild_inside": False}, {"chunk": 1}, {"chunk": 7}):
+    for options in ({}, {"rebuild_in_graph": False}, {"chunk": 1}, {"chunk": 7}):
         same(once, finish(simulation(scene, where, **options)))
 
 
@@ -113,7 +113,7 @@ def test_goes_on_from_a_saved_state(where):
     first.start()
     first.advance(scene.n_steps - 200 - 1)
     second = simulation(scene, where)
-    second.resume(first.saved())
+    second.load_state_dict(first.state_dict())
     second.advance(200)
     second.write_step(last=True)
     same(whole, second.frame())

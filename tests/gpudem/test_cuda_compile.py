@@ -6,15 +6,15 @@ Catches CUDA-only compile errors, and a change that pushes a kernel into local m
 import pytest
 
 from comparisons.resources import find_ptxas, kernel_resources, step_kernel_resources
-from gpudem.solver.neighbor_kernels import cell_kernel, gather_kernel, list_kernel
+from gpudem.solver.neighbor_kernels import cell_kernel, count_kernel, fill_kernel, gather_kernel
 from gpudem.solver.spec import Spec
 
-FULL = {"tangential": "history", "rotation": True, "gravity": True, "walls": True}
+FULL = {"tangential": "history", "rotation": True, "gravity": True, "walls": ("plane",)}
 EVERYTHING = {
     **FULL,
     "rolling": "cdt",
-    "several_materials": True,
-    "several_radii": True,
+    "multi_material": True,
+    "polydisperse": True,
     "periodic": (True,) * 3,
 }
 
@@ -57,7 +57,7 @@ def test_motion_moves_in_words_of_16_bytes(precision, loads, stores):
 def test_rebuild_without_spills(given):
     """The launches of a rebuild. Their stack holds the few numbers that are picked by axis at run time."""
     spec = Spec(**given)
-    for kernel in (cell_kernel(spec), gather_kernel(spec), list_kernel(spec, False), list_kernel(spec, True)):
+    for kernel in (cell_kernel(spec), gather_kernel(spec), count_kernel(spec), fill_kernel(spec)):
         found = kernel_resources(kernel)
         assert found.spill_bytes == 0
         assert found.stack_bytes <= 72, kernel.key  # 3 x 3 float64

@@ -5,21 +5,27 @@ from pathlib import Path
 
 import pytest
 
-from gpudem.contact.normal import NORMAL
-from gpudem.contact.rolling import ROLLING
-from gpudem.contact.tangential import TANGENTIAL
+from gpudem.contact import registry
 from gpudem.solver.device import wp
 from gpudem.solver.spec import Spec
 from gpudem.solver.step_kernel import step_kernel
 
-FULL = {"tangential": "history", "rotation": True, "gravity": True, "walls": True, "half_list": True}
-MORE = {**FULL, "several_materials": True, "several_radii": True, "periodic": (True, True, True)}
+FULL = {"tangential": "history", "rotation": True, "gravity": True, "walls": ("plane",), "half_list": True}
+MORE = {**FULL, "multi_material": True, "polydisperse": True, "periodic": (True, True, True)}
 SPECS = {
     "mixed": {**FULL, "precision": "mixed"},
     "full list": {**FULL, "half_list": False},
-    **{f"normal {name}": {**FULL, "normal": name} for name in NORMAL},
-    **{f"tangential {name}": {**FULL, "tangential": name} for name in TANGENTIAL},
-    **{f"rolling {name}": {**MORE, "rolling": name} for name in ROLLING},
+    **{f"normal {name}": {**FULL, "normal": name} for name in registry.names("normal")},
+    **{
+        f"tangential {name}": {**FULL, "tangential": name}
+        for name in registry.names("tangential")
+        if name != registry.OFF
+    },
+    **{
+        f"rolling {name}": {**MORE, "rolling": name}
+        for name in registry.names("rolling")
+        if name != registry.OFF
+    },
 }
 
 

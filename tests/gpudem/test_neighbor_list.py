@@ -145,7 +145,7 @@ def test_sorted_slowest_along_the_longest_extent():
     wide = scene.replace(domain={"lo": (0, 0, 0), "hi": (0.3, 0.05, 3.0)})
     simulation = Solver(wide)
     simulation.neighbors.rebuild()
-    assert simulation.neighbors.choices()["slowest_first"] == "xzy"
+    assert simulation.neighbors.tuning()["slowest_first"] == "xzy"
     x = simulation.state.now.numpy()["position"][:, 0]
     assert (np.diff(x) > -wide.skin - 0.006 - 0.3 / simulation.params.cells[0]).all()
     assert listed_pairs(simulation) == all_pairs(wide)

@@ -43,7 +43,7 @@ def test_bit_identical(options, monkeypatch):
     plain, often = end(scene, **half)
     by_host, rebuild = [], NeighborList.rebuild
     monkeypatch.setattr(NeighborList, "rebuild", lambda self: (by_host.append(1), rebuild(self)))
-    inside, within = end(scene, rebuild_inside=True, **options)
+    inside, within = end(scene, rebuild_in_graph=True, **options)
     same(plain, inside)
     assert often == within > 30
     assert len(by_host) < 0.4 * within, "not within the chunk"
@@ -53,7 +53,7 @@ def test_bit_identical(options, monkeypatch):
 def test_with_a_moving_floor(amplitude):
     """Catches touches and rises of a floor that stay where their particle was before the rebuild."""
     scene = shaken_bed(800, amplitude, time={"step": 4e-5, "duration": 0.04})
-    (plain, often), (inside, within) = end(scene), end(scene, chunk=32, rebuild_inside=True)
+    (plain, often), (inside, within) = end(scene), end(scene, chunk=32, rebuild_in_graph=True)
     same(plain, inside)
     assert often == within > 10
 
@@ -65,14 +65,14 @@ def test_a_list_that_grows(graphs, monkeypatch):
     Catches steps done on half a list, a second search that loses the order of the old springs, a graph that
     still points to the smaller arrays.
     """
-    gone_on, stopped = [], NeighborList.stopped
+    gone_on, stopped = [], NeighborList.is_suspended
 
     def listen(self: NeighborList) -> bool:
         gone_on.append(stopped(self))
         return gone_on[-1]
 
-    monkeypatch.setattr(NeighborList, "stopped", listen)
-    (plain, _), (inside, _) = end(layers()), end(layers(), graphs, chunk=32, rebuild_inside=True)
+    monkeypatch.setattr(NeighborList, "is_suspended", listen)
+    (plain, _), (inside, _) = end(layers()), end(layers(), graphs, chunk=32, rebuild_in_graph=True)
     assert any(gone_on)
     same(plain, inside)
 
@@ -94,7 +94,7 @@ def test_a_driver_that_takes_no_branch(fails, monkeypatch):
     plain, often = end(scene)
     monkeypatch.setattr(wp, fails, refuse)
     with pytest.warns(UserWarning, match="not within: no conditional nodes") as told:
-        instead, by_host = end(scene, graphs=True, chunk=32, rebuild_inside=True)
+        instead, by_host = end(scene, graphs=True, chunk=32, rebuild_in_graph=True)
     same(plain, instead)
     assert often == by_host
     assert len(told) == len(refused) == 1
@@ -103,7 +103,7 @@ def test_a_driver_that_takes_no_branch(fails, monkeypatch):
 def test_what_is_wrong_is_said_as_ever():
     """Catches a lost particle that goes unnoticed, or is told at another step."""
     told = []
-    for options in ({}, {"chunk": 32, "rebuild_inside": True}):
+    for options in ({}, {"chunk": 32, "rebuild_in_graph": True}):
         with pytest.raises(SimulationError) as error:
             end(escaping(), **options)
         told.append(str(error.value))

@@ -125,6 +125,6 @@ def test_a_state_of_another_scene():
     simulation.start()
     other = Solver(falling_bed(50), half_list=False)
     with pytest.raises(SimulationError, match="another scene, precision or kind of device"):
-        other.resume(simulation.saved())
+        other.load_state_dict(simulation.state_dict())
     with pytest.raises(SimulationError, match="another scene"):
-        Solver(gas()).resume(simulation.saved())
+        Solver(gas()).load_state_dict(simulation.state_dict())
