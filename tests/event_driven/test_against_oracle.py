@@ -7,10 +7,10 @@ import pytest
 
 from gpudem.errors import SimulationError
 from gpudem.event_driven.engine import Engine
-from gpudem.event_driven.oracle import Slow
-from gpudem.event_driven.statement import Statement
+from gpudem.event_driven.problem import HardSphereProblem
 from gpudem.scene import Box, Plane
 from tests.event_driven import scenes
+from tests.event_driven.brute_force import BruteForceHardSpheres
 
 WALLS = ("xlo", "xhi", "ylo", "yhi", "zlo", "zhi")
 GATE = [
@@ -27,7 +27,7 @@ def turning(n: int) -> np.ndarray:
     return np.random.default_rng(9).normal(size=(n, 3)) / scenes.RADIUS
 
 
-#: Scene, and how it is run: each axis of the statement is in one of them at least.
+#: Scene, and how it is run: each axis of the problem is in one of them at least.
 SCENES = {
     "disks over a fast floor": (lambda: scenes.vibrated(floor_speed=0.149), {}),
     "disks over a saw-tooth": (lambda: scenes.vibrated(floor_speed=0.149, amplitude=0.012), {}),
@@ -78,12 +78,12 @@ SCENES = {
 COLLISIONS = {"periodic in one axis of two cells": 35}
 
 
-def both(name: str, collisions: int, **engine: float) -> tuple[Engine, Slow]:
+def both(name: str, collisions: int, **engine: float) -> tuple[Engine, BruteForceHardSpheres]:
     make, how = SCENES[name]
-    statement = Statement.of(make(), **how)
-    slow = Slow(statement)
+    problem = HardSphereProblem.from_scene(make(), **how)
+    slow = BruteForceHardSpheres(problem)
     slow.advance(1.0, collisions)
-    quick = Engine(statement, log=collisions, **engine)
+    quick = Engine(problem, log=collisions, **engine)
     quick.advance(slow.time + 1e-11)  # the last collision is in
     return quick, slow
 
@@ -111,13 +111,13 @@ def test_same_books(name):
     assert quick.sums.dissipated == pytest.approx(slow.dissipated, abs=1e-9)
     assert quick.counts.guarded == slow.guarded
     assert quick.energy() == pytest.approx(slow.energy(), abs=1e-9)
-    np.testing.assert_allclose(quick.spin, slow.spin, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(quick.angular_velocity, slow.angular_velocity, rtol=0, atol=1e-7)
 
 
 def test_spins_change():
     # or rough spheres were compared as smooth ones
     quick, _ = both("rough, two radii, periodic cube", 200)
-    assert 0.5 < np.abs(quick.spin - quick.statement.spin).max() * scenes.RADIUS < 10
+    assert 0.5 < np.abs(quick.angular_velocity - quick.problem.angular_velocity).max() * scenes.RADIUS < 10
 
 
 @pytest.mark.parametrize("name", [name for name in SCENES if "guarded" in name])
@@ -148,8 +148,8 @@ def test_the_gate_holds_and_goes():
 def test_independent_of_the_size_of_the_cells(name, cells):
     # catches: a pair that comes within reach unseen after a crossing; 1000: one cell, no crossings
     make, how = SCENES[name]
-    statement = Statement.of(make(), **how)
-    one, other = Engine(statement, log=200), Engine(statement, cells * 2 * scenes.RADIUS, log=200)
+    problem = HardSphereProblem.from_scene(make(), **how)
+    one, other = Engine(problem, log=200), Engine(problem, cells * 2 * scenes.RADIUS, log=200)
     assert one.cells.prod() != other.cells.prod()
     one.advance(0.3)
     other.advance(0.3)
@@ -163,8 +163,8 @@ def test_independent_of_the_size_of_the_cells(name, cells):
 def test_the_slow_searches_find_the_same_events(name, search):
     # catches: a rung of the ladder that computes something else than the one it is compared with
     make, how = SCENES[name]
-    statement = Statement.of(make(), **how)
-    one, other = Engine(statement, log=200), Engine(statement, log=200, search=search)
+    problem = HardSphereProblem.from_scene(make(), **how)
+    one, other = Engine(problem, log=200), Engine(problem, log=200, search=search)
     one.advance(0.3)
     other.advance(0.3)
     assert len(one.log[0]) >= 100
@@ -174,17 +174,17 @@ def test_the_slow_searches_find_the_same_events(name, search):
 
 def test_all_pairs_refuse_periodic_sides_and_lose_no_particle():
     # catches: images that are not looked at; a particle that leaves unseen, as without cells none crosses
-    with pytest.raises(SimulationError, match="no images over periodic sides"):
-        Engine(Statement.of(scenes.gas(8, edge=0.12)), search="pairs")
+    with pytest.raises(SimulationError, match="periodic sides are not supported"):
+        Engine(HardSphereProblem.from_scene(scenes.gas(8, edge=0.12)), search="pairs")
     x, v = [[0, 0, 0], [-0.5, 0, 0], [-0.4, 0, 0]], [[0, 0, 2], [0, 0, 0], [-0.1, 0, 0]]
     with pytest.raises(SimulationError, match=r"particle 1 left the domain by zhi"):
-        Engine(Statement.of(scenes.scene(x, v)), search="pairs").advance(1.0)
+        Engine(HardSphereProblem.from_scene(scenes.scene(x, v)), search="pairs").advance(1.0)
 
 
 def test_independent_of_how_often_it_is_looked_at():
     # catches: a stop that moves clocks or predicts anew and so changes the rounding
-    statement = Statement.of(scenes.vibrated(floor_speed=0.149))
-    one, other = Engine(statement), Engine(statement)
+    problem = HardSphereProblem.from_scene(scenes.vibrated(floor_speed=0.149))
+    one, other = Engine(problem), Engine(problem)
     one.advance(1.0)
     for k in range(1, 101):
         other.advance(k / 100)
@@ -196,17 +196,17 @@ def test_independent_of_how_often_it_is_looked_at():
 def test_nothing_ever_overlaps(name):
     # catches: a missed collision long after the first 200; seen by all pairs, not by the loop's own books
     make, how = SCENES[name]
-    statement = Statement.of(make(), **how)
-    quick, look = Engine(statement), Slow(statement)
+    problem = HardSphereProblem.from_scene(make(), **how)
+    quick, look = Engine(problem), BruteForceHardSpheres(problem)
     for k in range(1, 101):
         quick.advance(k / 100)
         look.x, _ = quick.state()
         assert look.closest() < 1e-9
-        for side in np.flatnonzero(statement.segments[-1][2].present):
-            walls = statement.segments[-1][2]
-            depth = statement.radius - (look.x[:, side // 2] - walls.at[side]) * (1 - 2 * (side % 2))
-            if walls.stroke[side] > 0:
-                depth += walls.speed[side] * (k / 100 % (walls.stroke[side] / walls.speed[side]))
+        for side in np.flatnonzero(problem.segments[-1][2].present):
+            walls = problem.segments[-1][2]
+            depth = problem.radius - (look.x[:, side // 2] - walls.position[side]) * (1 - 2 * (side % 2))
+            if walls.amplitude[side] > 0:
+                depth += walls.speed[side] * (k / 100 % (walls.amplitude[side] / walls.speed[side]))
             assert depth.max() < 1e-9 * scenes.RADIUS
     assert quick.counts.pairs > 100
     assert quick.sums.overlap < 1e-9

@@ -10,8 +10,8 @@ import warp as wp
 
 import gpudem.event_driven
 from gpudem.errors import SceneError, SimulationError
-from gpudem.event_driven.engine import CHUNK, Engine
-from gpudem.event_driven.statement import Statement
+from gpudem.event_driven.engine import EVENTS_PER_LAUNCH, Engine
+from gpudem.event_driven.problem import HardSphereProblem
 from gpudem.scene import Contact, Output, Pair, Plane
 from tests.event_driven import scenes
 
@@ -19,7 +19,7 @@ R = scenes.RADIUS
 
 
 def engine(scene, guard=0.0, log=100) -> Engine:
-    return Engine(Statement.of(scene, guard), log=log)
+    return Engine(HardSphereProblem.from_scene(scene, guard), log=log)
 
 
 def bouncing(e: float, height: float = 0.5, **more):
@@ -33,9 +33,9 @@ def test_inelastic_collapse_on_the_floor_is_an_error():
     # catches: an endless loop. Bounces of e = 0.5 add up to t = t1 (1 + e)/(1 - e) = 3 t1
     e = engine(bouncing(0.5))
     with pytest.raises(SimulationError, match=r"particle 1 rests on a wall|event rate diverges") as error:
-        e.advance(10.0, slowest=1e-6)
+        e.advance(10.0, min_progress=1e-6)
     assert e.time == pytest.approx(3.0, abs=1e-6)
-    assert "guard" in str(error.value) or "soft solver" in str(error.value)
+    assert "guard" in str(error.value) or "time-stepping solver" in str(error.value)
 
 
 def test_the_guard_ends_a_collapse_on_the_floor():
@@ -72,14 +72,14 @@ def test_no_collapse_is_endless_without_being_told(what):
     e = engine({"bouncing": bouncing(0.5), "clump": clump(0.3), "bed": bed}[what])
     with pytest.raises(SimulationError, match=r"rests on a wall|event rate diverges"):
         e.advance(20.0)
-    assert e.counts.events <= 50 * CHUNK
+    assert e.counts.events <= 50 * EVENTS_PER_LAUNCH
 
 
 def test_a_launch_is_bounded_by_the_kernel():
     # catches: an endless loop in the one place that Python cannot interrupt. One launch, to the end of time
     e = engine(clump(1.0))
     e._status[0] = 0
-    wp.launch(e._advance, dim=1, inputs=[e._events, 1e300, 777], device="cpu")
+    wp.launch(e._advance, dim=1, inputs=[e._state, 1e300, 777], device="cpu")
     assert e.counts.events == 777
 
 
@@ -87,14 +87,14 @@ def test_inelastic_collapse_of_a_clump_is_an_error():
     # catches: an endless loop among pairs
     e = engine(clump(0.3))
     with pytest.raises(SimulationError, match="event rate diverges"):
-        e.advance(20.0, slowest=1e-6)
-    assert e.counts.events <= 10 * CHUNK
+        e.advance(20.0, min_progress=1e-6)
+    assert e.counts.events <= 10 * EVENTS_PER_LAUNCH
 
 
 def test_the_guard_ends_the_collapse_of_a_clump():
     # catches: a guard that looks at one partner alone, or a clock of the last collision that is not kept
     e = engine(clump(0.3), guard=1e-4)
-    e.advance(20.0, slowest=1e-6)
+    e.advance(20.0, min_progress=1e-6)
     assert 0 < e.counts.guarded < e.counts.pairs
     assert e.sums.overlap < 1e-9
 
@@ -102,8 +102,8 @@ def test_the_guard_ends_the_collapse_of_a_clump():
 def test_a_settling_bed_is_an_error_with_advice():
     # catches: endless or silent creep; without a guard a bed of e = 0.5 cannot come to rest
     e = engine(scenes.vibrated(restitution=0.5, wall_restitution=0.5, duration=30.0))
-    with pytest.raises(SimulationError, match=r"(?s)(diverges|rests).*soft solver"):
-        e.advance(30.0, slowest=1e-6)
+    with pytest.raises(SimulationError, match=r"(?s)(diverges|rests).*time-stepping solver"):
+        e.advance(30.0, min_progress=1e-6)
     assert e.time < 30
 
 
@@ -117,7 +117,7 @@ def test_a_jammed_row_is_an_error():
     )  # fmt: skip
     e = engine(jam)
     with pytest.raises(SimulationError, match="event rate diverges"):
-        e.advance(1.0, slowest=1e-6)
+        e.advance(1.0, min_progress=1e-6)
     assert e.time < 1e-6
 
 
@@ -232,7 +232,7 @@ def test_refused_by_name(name):
 def test_overlap_at_the_start_is_refused():
     # catches: a pair inside each other, whose root lies in the past
     with pytest.raises(SceneError, match=r"particles 1 and 2 overlap by 0\.025 diameters"):
-        Statement.of(_allowing(scenes.scene([[0, 0, 0], [1, 0, 0]], [[0, 0, 0]] * 2)))
+        HardSphereProblem.from_scene(_allowing(scenes.scene([[0, 0, 0], [1, 0, 0]], [[0, 0, 0]] * 2)))
 
 
 def _allowing(scene):
@@ -244,4 +244,4 @@ def _allowing(scene):
 def test_friction_without_a_rule_is_refused():
     # catches: rough contacts simulated as smooth
     with pytest.raises(SceneError, match=r"pairs\.friction.*tangential_restitution"):
-        Statement.of(scenes.scene([[0, 0, 0]], [[0, 0, 0]], friction=0.3))
+        HardSphereProblem.from_scene(scenes.scene([[0, 0, 0]], [[0, 0, 0]], friction=0.3))

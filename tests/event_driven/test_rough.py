@@ -9,7 +9,7 @@ import pytest
 
 from gpudem import event_driven
 from gpudem.event_driven.engine import Engine
-from gpudem.event_driven.statement import Statement
+from gpudem.event_driven.problem import HardSphereProblem
 from tests.event_driven import scenes
 
 R = scenes.RADIUS
@@ -25,10 +25,10 @@ def impact(angle: float, mu: float, beta: float, e: float = 0.8, wall: bool = Tr
     else:  # two alike that meet: each sees the other as a wall between them
         x = np.array([[0, 0, R], [0, 0, -R]]) - 0.05 * np.array([v, np.negative(v)])
         scene = scenes.scene(x, [v, np.negative(v)], restitution=e, friction=mu)
-    engine = Engine(Statement.of(scene, tangential_restitution=beta))
+    engine = Engine(HardSphereProblem.from_scene(scene, tangential_restitution=beta))
     engine.advance(0.2)
     assert engine.counts.collisions == 1
-    return engine.state()[1], engine.spin, engine.sums.dissipated
+    return engine.state()[1], engine.angular_velocity, engine.sums.dissipated
 
 
 @pytest.mark.parametrize("wall", [True, False])
@@ -64,28 +64,28 @@ def test_angular_momentum_of_a_collision(mu, beta):
     x, radius = np.array([[0, 0, 0], [0.1, 0.01, -0.005]]), np.array([R, 0.6 * R])
     scene = scenes.scene(x, [[2, 0.3, 0.1], [0, 0.1, 0]], radius=radius, friction=mu, restitution=0.7,
                          spin=rng.normal(size=(2, 3)) * 50)  # fmt: skip
-    engine = Engine(Statement.of(scene, tangential_restitution=beta))
+    engine = Engine(HardSphereProblem.from_scene(scene, tangential_restitution=beta))
 
     def total() -> np.ndarray:
-        (x, v), s = engine.state(), engine.statement
-        turning = (0.4 * s.mass * s.radius**2)[:, None] * engine.spin
+        (x, v), s = engine.state(), engine.problem
+        turning = (0.4 * s.mass * s.radius**2)[:, None] * engine.angular_velocity
         return (s.mass[:, None] * np.cross(x, v) + turning).sum(axis=0)
 
-    before, spin = total(), engine.spin
+    before, spin = total(), engine.angular_velocity
     engine.advance(0.1)
     assert engine.counts.pairs == 1
-    assert np.abs(engine.spin - spin).min() > 0.1
+    assert np.abs(engine.angular_velocity - spin).min() > 0.1
     np.testing.assert_allclose(total(), before, rtol=0, atol=1e-14)
 
 
 def gas(mu: float, beta: float, n: int = 500, e: float = 1.0) -> Engine:
     """A dense periodic gas without spin at the start."""
     edge = 2 * R * (n / 0.4) ** (1 / 3)
-    statement = Statement.of(
+    problem = HardSphereProblem.from_scene(
         scenes.gas(n, edge=edge, radius=R, duration=100.0, friction=0.5, restitution=e),
         tangential_restitution=beta,
     )
-    return Engine(dataclasses.replace(statement, friction=np.full_like(statement.friction, mu)))
+    return Engine(dataclasses.replace(problem, friction=np.full_like(problem.friction, mu)))
 
 
 def test_perfectly_rough_spheres_keep_energy_and_momentum_and_share_the_energy():
@@ -97,7 +97,7 @@ def test_perfectly_rough_spheres_keep_energy_and_momentum_and_share_the_energy()
     share = []
     while engine.counts.pairs < 100_000:
         engine.advance(engine.time + 0.05)
-        moving, turning = (engine.state()[1] ** 2).sum(), 0.4 * R**2 * (engine.spin**2).sum()
+        moving, turning = (engine.state()[1] ** 2).sum(), 0.4 * R**2 * (engine.angular_velocity**2).sum()
         share.append(turning / moving)
         assert engine.time < 50
     assert engine.energy() == pytest.approx(energy, rel=1e-11)
@@ -120,20 +120,21 @@ def test_balance_of_energy_with_friction(mu, beta):
 def test_beta_of_minus_one_is_smooth():
     # catches: another limit. The same numbers to the last bit, and spins as at the start
     spin = np.random.default_rng(1).normal(size=(100, 3))
-    smooth = Engine(Statement.of(scenes.gas(spin=spin)))
-    rough = Engine(Statement.of(scenes.gas(spin=spin, friction=0.5), tangential_restitution=-1.0))
+    smooth = Engine(HardSphereProblem.from_scene(scenes.gas(spin=spin)))
+    scene = scenes.gas(spin=spin, friction=0.5)
+    rough = Engine(HardSphereProblem.from_scene(scene, tangential_restitution=-1.0))
     for engine in (smooth, rough):
         engine.advance(1.0)
     np.testing.assert_array_equal(smooth.state(), rough.state())
-    np.testing.assert_array_equal(rough.spin, spin)
+    np.testing.assert_array_equal(rough.angular_velocity, spin)
 
 
 def test_a_smooth_scene_has_no_arrays_of_spin():
     # catches: memory for physics that the scene does not have
-    smooth, rough = Engine(Statement.of(scenes.gas())), gas(0.3, 0.4, 20)
-    fields = ("spin", "friction", "wall_friction")
-    assert [getattr(smooth._events, name) for name in fields] == [None] * 3
-    assert all(getattr(rough._events, name).size > 0 for name in fields)
+    smooth, rough = Engine(HardSphereProblem.from_scene(scenes.gas())), gas(0.3, 0.4, 20)
+    fields = ("angular_velocity", "friction", "wall_friction")
+    assert [getattr(smooth._state, name) for name in fields] == [None] * 3
+    assert all(getattr(rough._state, name).size > 0 for name in fields)
 
 
 def test_history_and_frames_have_the_spin():

@@ -9,7 +9,7 @@ import pytest
 
 from comparisons.oracles import gas
 from gpudem.event_driven.engine import Engine
-from gpudem.event_driven.statement import Statement
+from gpudem.event_driven.problem import HardSphereProblem
 from gpudem.scene import Lattice
 from tests.event_driven import scenes
 
@@ -18,7 +18,7 @@ FLOOR = 0.149
 
 def sampled(duration: float, settle: float, seed: int) -> tuple[Engine, np.ndarray, np.ndarray]:
     """The source's scene (300 disks): engine, mean heights and kinetic energies per disk from `settle` on."""
-    engine = Engine(Statement.of(scenes.vibrated(300, seed, FLOOR, duration=duration)))
+    engine = Engine(HardSphereProblem.from_scene(scenes.vibrated(300, seed, FLOOR, duration=duration)))
     rows = []
     for t in np.arange(settle, duration, 0.1):
         engine.advance(t)
@@ -39,7 +39,7 @@ def test_the_vibrated_box():
 
 def test_balance_of_energy_and_power():
     # catches: work or loss of any one collision left out; a floor that does not carry the weight
-    engine = Engine(Statement.of(scenes.vibrated(300, 2, FLOOR, duration=300.0)))
+    engine = Engine(HardSphereProblem.from_scene(scenes.vibrated(300, 2, FLOOR, duration=300.0)))
     begin = engine.energy()
     engine.advance(40.0)
     before = engine.sums
@@ -58,7 +58,7 @@ def elastic(count: int, edge: float) -> Engine:
         spacing=pitch / (2 * scenes.RADIUS) * (1 - 1e-9), velocity_rms=1.0,
     )  # fmt: skip
     data = scene.model_dump() | {"particles": lattice.model_dump()}
-    return Engine(Statement.of(type(scene)(**data)))
+    return Engine(HardSphereProblem.from_scene(type(scene)(**data)))
 
 
 @pytest.mark.parametrize("density", [0.2, 0.5])
@@ -67,7 +67,7 @@ def test_equation_of_state(density):
     # acceptance; the scatter of some 1e5 collisions and the bias of 1000 spheres are 0.1 % to 0.2 %
     count, d = 1000, 2 * scenes.RADIUS
     engine = elastic(count, (count / density) ** (1 / 3) * d)
-    v = engine.statement.velocity
+    v = engine.problem.velocity
     temperature = float((v * v).mean() - (v.mean(axis=0) ** 2).mean())
     energy, momentum = engine.energy(), v.sum(axis=0)
     engine.advance(0.5)

@@ -10,19 +10,19 @@ import pytest
 
 from gpudem.errors import SimulationError
 from gpudem.event_driven.engine import Engine
-from gpudem.event_driven.oracle import Slow
-from gpudem.event_driven.statement import Statement
+from gpudem.event_driven.problem import HardSphereProblem
 from tests.event_driven import scenes
+from tests.event_driven.brute_force import BruteForceHardSpheres
 
 R = scenes.RADIUS
 DOWN, NONE = (0, 0, -1.0), (0, 0, 0)
 
 
-def balls(heights, speeds, speed, amplitude, gravity=DOWN, e=1.0, **more) -> Statement:
+def balls(heights, speeds, speed, amplitude, gravity=DOWN, e=1.0, **more) -> HardSphereProblem:
     """Balls one beside another, so far that they never meet, each at a height over the floor."""
     n = len(heights)
     x = np.column_stack([3 * R * np.arange(n), np.zeros(n), np.asarray(heights) + R])
-    return Statement.of(
+    return HardSphereProblem.from_scene(
         scenes.scene(
             x, np.outer(speeds, [0, 0, 1]), wall_restitution=e, gravity=gravity, duration=40.0,
             lo=(-1, -1, 0), hi=(3 * R * n + 1, 1, 1000), walls=scenes.floored(speed, amplitude), **more,
@@ -30,8 +30,8 @@ def balls(heights, speeds, speed, amplitude, gravity=DOWN, e=1.0, **more) -> Sta
     )  # fmt: skip
 
 
-def hits(statement: Statement, until: float, log: int = 1000) -> tuple[Engine, np.ndarray]:
-    engine = Engine(statement, log=log)
+def hits(problem: HardSphereProblem, until: float, log: int = 1000) -> tuple[Engine, np.ndarray]:
+    engine = Engine(problem, log=log)
     engine.advance(until)
     return engine, engine.log[1]
 
@@ -63,9 +63,9 @@ def test_nothing_collides_as_the_floor_snaps_back():
 
 def test_a_far_slow_ball_costs_no_more_than_a_near_one():
     # catches: a loop over teeth; 100 m of fall are 1.4e7 of them, which would take minutes
-    statement = balls([100.0], [0.0], 0.1, 1e-7)
+    problem = balls([100.0], [0.0], 0.1, 1e-7)
     began = time.perf_counter()
-    engine, times = hits(statement, 20.0)
+    engine, times = hits(problem, 20.0)
     assert time.perf_counter() - began < 20
     assert times.tolist() == pytest.approx([np.sqrt(200.0)], rel=1e-7)
     assert engine.counts.events < 20_000  # crossings of cells, and one hit
@@ -79,10 +79,10 @@ def test_every_way_into_a_tooth(speed, amplitude, gravity):
     heights = np.concatenate([rng.uniform(0, 2 * amplitude, 60), rng.uniform(0, 1, 20)])
     speeds = rng.normal(size=80) * np.repeat([speed, 1.0], 40)
     e = 1.0 if amplitude / speed > 5 else 0.9  # in so long a tooth bounces of 0.9 collapse
-    statement = balls(heights, speeds, speed, amplitude, gravity, e)
-    slow = Slow(statement)
+    problem = balls(heights, speeds, speed, amplitude, gravity, e)
+    slow = BruteForceHardSpheres(problem)
     slow.advance(20.0, 300)
-    engine, times = hits(statement, slow.time + 1e-11, 300)
+    engine, times = hits(problem, slow.time + 1e-11, 300)
     assert len(slow.log) >= 8  # without gravity, or away from the floor, each ball is hit once
     assert [i for i, _ in engine.log[0].tolist()] == [i for _, i, _ in slow.log]
     np.testing.assert_allclose(times, [t for t, _, _ in slow.log], rtol=0, atol=1e-12)
@@ -92,9 +92,9 @@ def test_every_way_into_a_tooth(speed, amplitude, gravity):
 def test_collapse_on_a_rising_floor_is_an_error_and_the_guard_ends_it():
     # catches: an endless loop within one tooth of 10 s, where the floor is no other than one at rest
     with pytest.raises(SimulationError, match=r"rests on a wall|diverges"):
-        Engine(balls([0.5], [0.0], 0.1, 1.0, e=0.5)).advance(9.0, slowest=1e-6)
+        Engine(balls([0.5], [0.0], 0.1, 1.0, e=0.5)).advance(9.0, min_progress=1e-6)
     engine = Engine(dataclasses.replace(balls([0.5], [0.0], 0.1, 1.0, e=0.5), guard=1e-3))
-    engine.advance(9.0, slowest=1e-6)
+    engine.advance(9.0, min_progress=1e-6)
     assert engine.counts.guarded > 1000
     assert 0 < engine.state()[0][0, 2] - R - 0.9 < 1e-5  # it rides on the floor
 
@@ -111,8 +111,8 @@ def test_the_saw_tooth_tends_to_the_fast_floor():
 
 def test_disks_over_a_small_saw_tooth_are_as_high_as_over_the_fast_floor():
     # catches: a saw-tooth that heats more or less than its limit. 0.2882 m; a mean scatters by 0.14 %
-    statement = Statement.of(scenes.vibrated(300, 1, 0.149, 1e-4, duration=240.0))
-    engine, heights = Engine(statement), []
+    problem = HardSphereProblem.from_scene(scenes.vibrated(300, 1, 0.149, 1e-4, duration=240.0))
+    engine, heights = Engine(problem), []
     for t in np.arange(40.0, 240.0, 0.1):
         engine.advance(t)
         heights.append(engine.state()[0][:, 2].mean())
@@ -122,7 +122,7 @@ def test_disks_over_a_small_saw_tooth_are_as_high_as_over_the_fast_floor():
 @pytest.mark.parametrize("amplitude", [1e-3, 0.02])
 def test_balance_of_energy_over_a_million_collisions(amplitude):
     # catches: work booked with another velocity than the floor has, in any one collision
-    engine = Engine(Statement.of(scenes.vibrated(300, 2, 0.149, amplitude, duration=1e4)))
+    engine = Engine(HardSphereProblem.from_scene(scenes.vibrated(300, 2, 0.149, amplitude, duration=1e4)))
     begin, t = engine.energy(), 0.0
     while engine.counts.collisions < 1_000_000:
         t += 20.0
