@@ -56,7 +56,8 @@ def tangential_impulse(s: EventState, g: vec3, reduced_mass: real, limit: real):
     slide = wp.length(g)
     impulse = vec3()
     if slide > real(0.0):
-        mass = real(2.0) / real(7.0) * reduced_mass
+        mass = real(2.0) / real(7.0) * reduced_mass  # mutate: tangential_mass
+        # mutate: tangential_impulse
         size = wp.min((real(1.0) + s.tangential_restitution) * mass * slide, limit)
         impulse = (-size / slide) * g
         s.sums[DISSIPATED] = s.sums[DISSIPATED] + size * (slide - real(0.5) * size / mass)
@@ -66,6 +67,7 @@ def tangential_impulse(s: EventState, g: vec3, reduced_mass: real, limit: real):
 @wp.func
 def apply_angular_impulse(s: EventState, i: int, normal: vec3, impulse: vec3):
     """Change of the angular velocity of i by an impulse at its contact point, -R normal from its centre."""
+    # mutate: spin_after_collision
     s.angular_velocity[i] = s.angular_velocity[i] - (real(2.5) / (s.mass[i] * s.radius[i])) * wp.cross(
         normal, impulse
     )
@@ -88,8 +90,8 @@ def collision_rules(sawtooth: bool, rough: bool) -> tuple[Any, Any]:
         sign = real(1 - 2 * (side % 2))
         v = s.v[i]
         speed = s.wall_speed[side]
-        w = sign * v[axis]
-        can_rest = speed <= real(0.0)
+        w = sign * v[axis]  # mutate: wall_normal_speed
+        can_rest = speed <= real(0.0)  # mutate: wall_at_rest
         if wp.static(sawtooth):
             can_rest = can_rest or s.wall_amplitude[side] > real(0.0)
         if can_rest and w >= speed:
@@ -102,7 +104,7 @@ def collision_rules(sawtooth: bool, rough: bool) -> tuple[Any, Any]:
             e_used = real(1.0)
         dw = (real(1.0) + e_used) * (speed - w)
         lost = real(0.5) * s.mass[i] * (real(1.0) - e_used * e_used) * (w - speed) * (w - speed)
-        s.sums[WORK] = s.sums[WORK] + s.mass[i] * dw * speed
+        s.sums[WORK] = s.sums[WORK] + s.mass[i] * dw * speed  # mutate: floor_work
         s.sums[DISSIPATED] = s.sums[DISSIPATED] + lost
         if wp.static(rough):
             if not elastic:
@@ -131,10 +133,10 @@ def collision_rules(sawtooth: bool, rough: bool) -> tuple[Any, Any]:
         distance = wp.length(r)
         normal = r / distance
         u = s.v[i] - s.v[j]
-        w = wp.dot(normal, u)
+        w = wp.dot(normal, u)  # mutate: pair_normal_speed
         d = s.radius[i] + s.radius[j]
         e = s.restitution[s.material[i], s.material[j]]
-        elastic = within_guard(s, i, t) or within_guard(s, j, t)
+        elastic = within_guard(s, i, t) or within_guard(s, j, t)  # mutate: guard_of_pair
         e_used = e
         if elastic:
             e_used = real(1.0)
@@ -150,8 +152,8 @@ def collision_rules(sawtooth: bool, rough: bool) -> tuple[Any, Any]:
             if not elastic:
                 spin = s.radius[i] * s.angular_velocity[i] + s.radius[j] * s.angular_velocity[j]
                 g = u - w * normal - wp.cross(spin, normal)
-                limit = s.friction[s.material[i], s.material[j]] * impulse
-                across = tangential_impulse(s, g, reduced_mass, limit)
+                mu = s.friction[s.material[i], s.material[j]]
+                across = tangential_impulse(s, g, reduced_mass, mu * impulse)  # mutate: coulomb_impulse
                 s.v[i] = s.v[i] + across / s.mass[i]
                 s.v[j] = s.v[j] - across / s.mass[j]
                 apply_angular_impulse(s, i, normal, across)

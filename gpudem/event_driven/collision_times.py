@@ -38,7 +38,7 @@ def time_to_pair_collision(r: vec3, u: vec3, d: real):
     c = wp.dot(r, r) - d * d
     if c <= real(0.0):
         return real(0.0)
-    q = b * b - wp.dot(u, u) * c
+    q = b * b - wp.dot(u, u) * c  # mutate: meeting_discriminant
     if q <= real(0.0):
         return NEVER
-    return c / (wp.sqrt(q) - b)
+    return c / (wp.sqrt(q) - b)  # mutate: meeting_root

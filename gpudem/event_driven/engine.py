@@ -320,8 +320,8 @@ class Engine:
     def _start_next_segment(self) -> None:
         """Set the walls of the next segment and predict all particles anew."""
         self._segment += 1
-        begin, self._segment_end, walls = self.problem.segments[self._segment]
-        self._set_walls(walls)
+        begin, self._segment_end, walls = self.problem.segments[self._segment]  # mutate: segment
+        self._set_walls(walls)  # mutate: walls_of_segment
         dt = (begin - self._local_time)[:, None]
         x = self._x + dt * (self._v + 0.5 * dt * self.problem.gravity)
         cell = np.floor((x - self.problem.lo) / self.cell_edge).astype(int)

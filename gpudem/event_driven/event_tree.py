@@ -18,7 +18,7 @@ def update_event_tree(s: EventState, i: int):
         won = a + 1
     old = s.tree[node]
     s.tree[node] = won
-    while node > 1 and (won != old or won == i):
+    while node > 1 and (won != old or won == i):  # mutate: tree_update
         node = node >> 1
         a = s.tree[2 * node]
         b = s.tree[2 * node + 1]

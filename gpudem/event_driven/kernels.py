@@ -176,7 +176,7 @@ def build_kernels(sawtooth: bool, rough: bool, tree: bool = True) -> tuple[Any, 
         link(s, i, c)
         first, end = -s.search_range, wp.vec3i(s.search_range[0], s.search_range[1], s.search_range[2])
         first[axis] = step
-        end[axis] = step
+        end[axis] = step  # mutate: new_cells
         best, partner = predict_pair_collision(s, i, t, first, end, s.collision_time[i])
         if partner >= 0:
             s.collision_time[i] = best
@@ -229,7 +229,7 @@ def build_kernels(sawtooth: bool, rough: bool, tree: bool = True) -> tuple[Any, 
                 process_crossing(s, i, t)
             elif partner < 0:
                 process_wall_collision(s, i, WALL_PARTNER - partner, t)
-            elif s.collision_count[partner] != s.partner_count[i]:
+            elif s.collision_count[partner] != s.partner_count[i]:  # mutate: stale_event
                 s.counts[STALE_EVENTS] = s.counts[STALE_EVENTS] + wp.int64(1)
                 advance_particle(s, i, t)
                 predict_events(s, i, t)

@@ -42,12 +42,12 @@ def sawtooth_collision_time(t: real, h: real, w: real, a: real, speed: real, amp
             if fall >= NEVER:
                 return NEVER
             begin = begin + fall
-            k = wp.max(k, wp.floor((t + begin) / period))
+            k = wp.max(k, wp.floor((t + begin) / period))  # mutate: tooth_after_flight
             if (k + real(1.0)) * period <= t + begin:
                 k = k + real(1.0)
         end = (k + real(1.0)) * period - t
-        gap = h + begin * (w + real(0.5) * a * begin) - speed * (t + begin - k * period)
-        after = begin + time_to_plane(gap, w + a * begin - speed, a)
+        gap = h + begin * (w + real(0.5) * a * begin) - speed * (t + begin - k * period)  # mutate: tooth_gap
+        after = begin + time_to_plane(gap, w + a * begin - speed, a)  # mutate: time_to_floor
         if after <= end:
             return t + after
         begin = end
