@@ -1,3 +1,4 @@
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
 """Event search over all pairs at every event, without cells and without a tree: O(N^2) an event.
 
 For comparisons of cost: collision rules and compiler are those of the event loop, only the search differs.

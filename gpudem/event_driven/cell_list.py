@@ -1,3 +1,4 @@
+# pyright: reportGeneralTypeIssues=false, reportIndexIssue=false
 """Cells of the event loop: each particle is in the doubly linked list of one cell."""
 
 import warp as wp

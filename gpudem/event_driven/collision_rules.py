@@ -1,3 +1,4 @@
+# pyright: reportArgumentType=false, reportGeneralTypeIssues=false, reportIndexIssue=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 """Collision rules of hard spheres, with work, dissipation, counts and the collision log.
 
 Smooth spheres: J_n = (1 + e) m* u_n along the line of centres, m* the reduced mass. Rough spheres (Walton, in

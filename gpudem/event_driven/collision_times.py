@@ -1,3 +1,4 @@
+# pyright: reportInvalidTypeForm=false
 """Closed-form times to the next contact of sphere and plane, sphere and sphere, without cancellation."""
 
 import warp as wp

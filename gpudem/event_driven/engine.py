@@ -261,8 +261,8 @@ class Engine:
             n_leaves *= 2
         s.n, s.n_leaves, s.log_capacity, s.guard = self.n, n_leaves, log, p.guard
         s.tangential_restitution = p.tangential_restitution
-        s.gravity, s.lo, s.cell_edge = wp.vec3d(p.gravity), wp.vec3d(p.lo), wp.vec3d(self.cell_edge)
-        s.domain_size, s.n_cells = wp.vec3d(p.hi - p.lo), wp.vec3i(*self.cells.tolist())
+        s.gravity, s.lo, s.cell_edge = wp.vec3d(*p.gravity), wp.vec3d(*p.lo), wp.vec3d(*self.cell_edge)
+        s.domain_size, s.n_cells = wp.vec3d(*(p.hi - p.lo)), wp.vec3i(*self.cells.tolist())
         s.search_range = wp.vec3i(*(~p.layer).astype(int).tolist())
         s.periodic = wp.vec3i(*p.periodic.astype(int).tolist())
 

@@ -1,3 +1,4 @@
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
 """State of the event loop: arrays by particle, cells, the event tree and counters. All times in s."""
 
 import warp as wp

@@ -1,3 +1,4 @@
+# pyright: reportGeneralTypeIssues=false
 """Tournament tree: the particle with the earliest event is at the root; an update costs O(log N)."""
 
 import warp as wp

@@ -1,3 +1,4 @@
+# pyright: reportArgumentType=false, reportGeneralTypeIssues=false, reportIndexIssue=false, reportInvalidTypeForm=false
 """The event loop of hard disks and spheres: one thread processes collision after collision, in float64.
 
 Each particle has a local time of its own and is in the linked list of its cell. It stores one predicted

@@ -1,3 +1,4 @@
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
 """When a particle reaches a wall: at rest, vibrating in the zero-amplitude limit, or moving in a sawtooth."""
 
 import functools
