@@ -1,4 +1,4 @@
-"""Where event-driven simulations hang, tunnel or lie: collapse, rest, jams, grazing, ties, touch."""
+"""Limits of event-driven simulation: collapse, rest, jams, grazing, simultaneous events."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def bouncing(e: float, height: float = 0.5, **more):
 
 
 def test_inelastic_collapse_on_the_floor_is_an_error():
-    # catches: an endless loop. Bounces of e = 0.5 add up to t = t1 (1 + e)/(1 - e) = 3 t1
+    # detects: an endless loop. Bounces of e = 0.5 add up to t = t1 (1 + e)/(1 - e) = 3 t1
     e = engine(bouncing(0.5))
     with pytest.raises(SimulationError, match=r"particle 1 rests on a wall|event rate diverges") as error:
         e.advance(10.0, min_progress=1e-6)
@@ -39,7 +39,7 @@ def test_inelastic_collapse_on_the_floor_is_an_error():
 
 
 def test_the_guard_ends_a_collapse_on_the_floor():
-    # catches: a guard on pairs alone. Below a flight of t_c it bounces on, and that is counted
+    # detects: a guard that acts only on pairs. Flights shorter than t_c end elastically, and that is counted
     e = engine(bouncing(0.5), guard=1e-2)
     e.advance(10.0)
     late = e.counts
@@ -49,7 +49,7 @@ def test_the_guard_ends_a_collapse_on_the_floor():
 
 
 def test_the_budget_ends_a_run():
-    # catches: a budget that is not held, or held only in chunks
+    # detects: a budget that is ignored, or that holds only to a whole launch
     e = engine(bouncing(0.5), guard=1e-4)
     with pytest.raises(SimulationError, match=r"event budget of 3000 events spent at t = .* collisions"):
         e.advance(10.0, budget=3000)
@@ -65,8 +65,8 @@ def clump(restitution: float):
 
 
 @pytest.mark.parametrize("what", ["bouncing", "clump", "bed"])
-def test_no_collapse_is_endless_without_being_told(what):
-    # catches: a loop that goes on while time moves by the last bit, 1e-11 s in 100 000 events: neither a
+def test_collapse_is_an_error_by_default(what):
+    # detects: a loop that goes on while time moves by the last bit, 1e-11 s in 100 000 events: neither a
     # budget nor a least time is given here
     bed = scenes.vibrated(restitution=0.5, wall_restitution=0.5, duration=30.0)
     e = engine({"bouncing": bouncing(0.5), "clump": clump(0.3), "bed": bed}[what])
@@ -76,7 +76,7 @@ def test_no_collapse_is_endless_without_being_told(what):
 
 
 def test_a_launch_is_bounded_by_the_kernel():
-    # catches: an endless loop in the one place that Python cannot interrupt. One launch, to the end of time
+    # detects: an endless loop in the one place that Python cannot interrupt. One launch, to the end of time
     e = engine(clump(1.0))
     e._status[0] = 0
     wp.launch(e._advance, dim=1, inputs=[e._state, 1e300, 777], device="cpu")
@@ -84,7 +84,7 @@ def test_a_launch_is_bounded_by_the_kernel():
 
 
 def test_inelastic_collapse_of_a_clump_is_an_error():
-    # catches: an endless loop among pairs
+    # detects: an endless loop among pairs
     e = engine(clump(0.3))
     with pytest.raises(SimulationError, match="event rate diverges"):
         e.advance(20.0, min_progress=1e-6)
@@ -92,7 +92,7 @@ def test_inelastic_collapse_of_a_clump_is_an_error():
 
 
 def test_the_guard_ends_the_collapse_of_a_clump():
-    # catches: a guard that looks at one partner alone, or a clock of the last collision that is not kept
+    # detects: a guard that regards only one partner, or a time of the last collision that is not stored
     e = engine(clump(0.3), guard=1e-4)
     e.advance(20.0, min_progress=1e-6)
     assert 0 < e.counts.guarded < e.counts.pairs
@@ -100,7 +100,7 @@ def test_the_guard_ends_the_collapse_of_a_clump():
 
 
 def test_a_settling_bed_is_an_error_with_advice():
-    # catches: endless or silent creep; without a guard a bed of e = 0.5 cannot come to rest
+    # detects: endless or silent creep; without a guard a bed of e = 0.5 cannot come to rest
     e = engine(scenes.vibrated(restitution=0.5, wall_restitution=0.5, duration=30.0))
     with pytest.raises(SimulationError, match=r"(?s)(diverges|rests).*time-stepping solver"):
         e.advance(30.0, min_progress=1e-6)
@@ -108,7 +108,7 @@ def test_a_settling_bed_is_an_error_with_advice():
 
 
 def test_a_jammed_row_is_an_error():
-    # catches: an endless loop where a row fills its width to the last bit: no time between hits
+    # detects: an endless loop where a row fills its width to the last bit: no time between hits
     n = 5
     x = np.column_stack([R * (1 + 2 * np.arange(n)), np.zeros(n), np.full(n, 0.5)])
     jam = scenes.scene(
@@ -122,7 +122,7 @@ def test_a_jammed_row_is_an_error():
 
 
 def test_equal_velocities_never_meet():
-    # catches: 0/0 in the root. Touching, side by side, and one behind the other
+    # detects: 0/0 in the root. Touching, side by side, and one behind the other
     x = [[0, 0, 0], [2 * R, 0, 0], [0, 0, 3 * R], [0.5, 0, 0.5]]
     e = engine(scenes.scene(x, [[0.1, 0, 0.2]] * 4, gravity=(0, 0, -0.5)))
     e.advance(1.0)
@@ -132,7 +132,7 @@ def test_equal_velocities_never_meet():
 
 @pytest.mark.parametrize(("offset", "meets"), [(2 * R - 1e-9, True), (2 * R + 1e-9, False), (2 * R, False)])
 def test_grazing(offset, meets):
-    # catches: a graze that is missed, one that is seen where there is none, and one that pulls
+    # detects: a graze that is missed, one that is seen where there is none, and one that pulls
     e = engine(scenes.scene([[-0.5, 0, 0], [0.0, 0, offset]], [[1, 0, 0], [0, 0, 0]]))
     e.advance(0.9)
     assert e.counts.pairs == meets
@@ -143,7 +143,7 @@ def test_grazing(offset, meets):
 
 
 def test_simultaneous_collisions():
-    # catches: a tie that loses an event: two pairs meet and a third disk comes to a wall at the same instant
+    # detects: a tie that loses an event: two pairs meet and a third disk comes to a wall at the same instant
     x = [[-0.5, 0, 0.5], [-0.3, 0, 0.5], [0.3, 0, -0.5], [0.5, 0, -0.5], [1 - R - 0.08, 0, 0]]
     v = [[1, 0, 0], [-1, 0, 0], [1, 0, 0], [-1, 0, 0], [1, 0, 0]]
     e = engine(scenes.scene(x, v, sides=("xhi",)))
@@ -155,7 +155,7 @@ def test_simultaneous_collisions():
 
 
 def test_newtons_cradle_touching_at_the_start():
-    # catches: touching partners that are dropped as overlapping, or that tunnel
+    # detects: touching partners that are dropped as overlapping, or that tunnel
     x = np.outer(2 * R * np.arange(4) + [0, 0.1, 0.1, 0.1], [1, 0, 0])
     e = engine(scenes.scene(x, [[1, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0]]))
     e.advance(0.3)
@@ -164,7 +164,7 @@ def test_newtons_cradle_touching_at_the_start():
 
 
 def test_an_approach_from_touch_is_a_collision_now():
-    # catches: a root at t = 0 that is dropped as past
+    # detects: a root at t = 0 that is dropped as past
     e = engine(scenes.scene([[0, 0, 0], [2 * R, 0, 0]], [[1, 0, 0], [0, 0, 0]], restitution=0.5))
     e.advance(0.1)
     np.testing.assert_allclose(e.state()[1][:, 0], [0.25, 0.75], atol=1e-15)
@@ -172,7 +172,7 @@ def test_an_approach_from_touch_is_a_collision_now():
 
 
 def test_a_ball_at_rest_on_the_floor_is_an_error():
-    # catches: a zero-speed hit at t = 0 that repeats for ever
+    # detects: a zero-speed hit at t = 0 that repeats for ever
     with pytest.raises(SimulationError, match="particle 1 rests on a wall at t = 0 s"):
         engine(bouncing(0.9, height=0.0)).advance(1.0)
 
@@ -188,7 +188,7 @@ def test_the_fast_floor():
 
 
 def test_a_lost_particle_is_an_error():
-    # catches: a particle that leaves by an open side unseen
+    # detects: a particle that leaves by an open side unseen
     e = engine(scenes.scene([[0, 0, 0]], [[0, 0, 2]]))
     with pytest.raises(SimulationError, match=r"particle 1 left the domain by zhi at t = 0\.5 s"):
         e.advance(1.0)
@@ -223,14 +223,14 @@ REFUSED = {
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_refused_by_name(name):
-    # catches: a scene that runs as something else than it says
+    # detects: a scene that runs as something else than it says
     changes, options, message = REFUSED[name]
     with pytest.raises(SceneError, match=message):
         gpudem.event_driven.run(scenes.scene([[0, 0, 0.5]], [[0, 0, 0]], **changes), **options)
 
 
 def test_overlap_at_the_start_is_refused():
-    # catches: a pair inside each other, whose root lies in the past
+    # detects: overlapping pairs, whose collision time is in the past
     with pytest.raises(SceneError, match=r"particles 1 and 2 overlap by 0\.025 diameters"):
         HardSphereProblem.from_scene(_allowing(scenes.scene([[0, 0, 0], [1, 0, 0]], [[0, 0, 0]] * 2)))
 
@@ -242,6 +242,6 @@ def _allowing(scene):
 
 
 def test_friction_without_a_rule_is_refused():
-    # catches: rough contacts simulated as smooth
+    # detects: rough contacts simulated as smooth
     with pytest.raises(SceneError, match=r"pairs\.friction.*tangential_restitution"):
         HardSphereProblem.from_scene(scenes.scene([[0, 0, 0]], [[0, 0, 0]], friction=0.3))
