@@ -35,7 +35,7 @@ def all_pairs_kernel(sawtooth: bool, rough: bool) -> Any:
 
     @wp.func
     def advance_within_domain(s: EventState, i: int, t: real):
-        """Advance i to t; an error if its centre has passed a side without a wall."""
+        """Advance i to t; an error if its center has passed a side without a wall."""
         advance_particle(s, i, t)
         for axis in range(3):
             side = wp.int32(-1)

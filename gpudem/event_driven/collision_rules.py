@@ -1,7 +1,7 @@
 # pyright: reportArgumentType=false, reportGeneralTypeIssues=false, reportIndexIssue=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 """Collision rules of hard spheres, with work, dissipation, counts and the collision log.
 
-Smooth spheres: J_n = (1 + e) m* u_n along the line of centres, m* the reduced mass. Rough spheres (Walton, in
+Smooth spheres: J_n = (1 + e) m* u_n along the line of centers, m* the reduced mass. Rough spheres (Walton, in
 Particulate Two-Phase Flow, ed. Roco, 1993, 884) have a tangential impulse at the contact point as well: the
 smaller of the impulse that turns the sliding velocity g into -beta0 g and that of Coulomb sliding, mu J_n.
 All particles are spheres with inertia 2/5 m R^2: the tangential mass is 2/7 m*. A collision that the TC model
@@ -67,7 +67,7 @@ def tangential_impulse(s: EventState, g: vec3, reduced_mass: real, limit: real):
 
 @wp.func
 def apply_angular_impulse(s: EventState, i: int, normal: vec3, impulse: vec3):
-    """Change of the angular velocity of i by an impulse at its contact point, -R normal from its centre."""
+    """Change of the angular velocity of i by an impulse at its contact point, -R normal from its center."""
     # mutate: spin_after_collision
     s.angular_velocity[i] = s.angular_velocity[i] - (real(2.5) / (s.mass[i] * s.radius[i])) * wp.cross(
         normal, impulse
@@ -124,7 +124,7 @@ def collision_rules(sawtooth: bool, rough: bool) -> tuple[Any, Any]:
 
     @wp.func
     def collide_pair(s: EventState, i: int, j: int, t: real):
-        """Impulse along the line of centres and, between rough spheres, across it."""
+        """Impulse along the line of centers and, between rough spheres, across it."""
         advance_particle(s, i, t)
         advance_particle(s, j, t)
         r = s.x[i] - s.x[j]

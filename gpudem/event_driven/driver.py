@@ -18,7 +18,7 @@ from gpudem.process import peak_memory, version
 from gpudem.scene import Scene
 
 #: Columns of the history after HISTORY_COLUMNS, cumulative since the start: collisions [1], work of walls and
-#: dissipation [J], and the sum of impulse times distance of centres over the collisions of pairs [J s].
+#: dissipation [J], and the sum of impulse times distance of centers over the collisions of pairs [J s].
 EVENT_COLUMNS = ("collisions", "wall_collisions", "work", "dissipated", "virial")
 
 

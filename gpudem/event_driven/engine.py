@@ -59,7 +59,7 @@ class CollisionSums:
     dissipated: float
     """Energy lost to restitution and friction [J]."""
     virial: float
-    """Impulse times distance of the centres, over collisions of pairs [J s]."""
+    """Impulse times distance of the centers, over collisions of pairs [J s]."""
     overlap: float
     """Largest overlap at a collision, in sums of radii [1]."""
 

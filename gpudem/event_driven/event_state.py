@@ -43,7 +43,7 @@ class EventState:
     wall_position: wp.array(dtype=wp.float64)  # along the axis of the side [m]
     wall_speed: wp.array(dtype=wp.float64)  # U of a vibrating wall along its inward normal [m/s]
     wall_amplitude: wp.array(dtype=wp.float64)  # A of its sawtooth [m]; 0: zero-amplitude limit, or at rest
-    side_closed: wp.array(dtype=wp.int32)  # 1: a wall keeps every centre inside this side of the domain
+    side_closed: wp.array(dtype=wp.int32)  # 1: a wall keeps every center inside this side of the domain
     wall_restitution: wp.array2d(dtype=wp.float64)  # side, material
     restitution: wp.array2d(dtype=wp.float64)  # material, material
     # rough spheres only

@@ -87,7 +87,7 @@ def predict_pair_collision(s: EventState, i: int, t: real, first: wp.vec3i, end:
 
 @wp.func
 def predict_crossing(s: EventState, i: int, t: real):
-    """Earliest time at which the centre of i leaves its cell, and the side by which it leaves."""
+    """Earliest time at which the center of i leaves its cell, and the side by which it leaves."""
     x, v, cell = s.x[i], s.v[i], s.cell[i]
     best = real(NEVER)
     side = wp.int32(0)

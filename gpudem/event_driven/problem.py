@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from gpudem.errors import SceneError
 from gpudem.scene import Plane, Scene
-from gpudem.scene.sections import Side
+from gpudem.scene.sections import Side, Wall
 
 SIDES: tuple[Side, ...] = ("xlo", "xhi", "ylo", "yhi", "zlo", "zhi")
 #: Shortest period of a vibrating wall by the duration of the run: times must resolve the phase of the wall.
@@ -71,7 +71,7 @@ class HardSphereProblem:
     periodic: np.ndarray
     """(3,) bool."""
     layer: np.ndarray
-    """(3,) bool: axes along which nothing moves, and all centres have one coordinate (a layer of disks)."""
+    """(3,) bool: axes along which nothing moves, and all centers have one coordinate (a layer of disks)."""
     segments: tuple[tuple[float, float, SideWalls], ...]
     """(from [s], to [s], walls) between removals of gates."""
     guard: float
@@ -118,8 +118,8 @@ class HardSphereProblem:
             periodic=np.array(scene.domain.periodic),
             layer=_layer_axes(scene),
             segments=tuple(
-                (a * scene.time.step, b * scene.time.step, _side_walls(planes, scene, restitution, friction))
-                for a, b, planes in scene.segments
+                (a * scene.time.step, b * scene.time.step, _side_walls(walls, scene, restitution, friction))
+                for a, b, walls in scene.segments
             ),
             guard=guard,
         )
@@ -165,7 +165,7 @@ def wrap_periodic(x: np.ndarray, lo: np.ndarray, hi: np.ndarray, periodic: np.nd
 
 
 def distance_from_wall(x: np.ndarray, side: int, walls: SideWalls) -> np.ndarray:
-    """Distance [m] of centres (n, 3) from the wall of a side, positive inside."""
+    """Distance [m] of centers (n, 3) from the wall of a side, positive inside."""
     return (x[:, side // 2] - walls.position[side]) * (1 - 2 * (side % 2))
 
 
@@ -182,7 +182,7 @@ def _pair_tables(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _layer_axes(scene: Scene) -> np.ndarray:
-    """(3,) bool: axes along which all centres have one coordinate and will not move."""
+    """(3,) bool: axes along which all centers have one coordinate and will not move."""
     state = scene.state
     flat = np.ptp(state.position, axis=0) == 0
     at_rest = ~state.velocity.any(axis=0) & (np.array(scene.gravity) == 0)
@@ -201,8 +201,16 @@ def _side_of(plane: Plane) -> int | None:
 def _unsupported_features(scene: Scene, guard: float, tangential: float | None) -> list[str]:
     """What the scene or the options ask for and hard spheres do not have, one line each."""
     found: list[str] = []
-    if scene.contact.normal == "hertz/stiffness":
-        found.append("contact.normal = 'hertz/stiffness': defines no restitution; use 'hertz'")
+    if "restitution" not in scene.normal_law.reads:
+        found.append(
+            f"contact.normal = {scene.contact.normal!r}: does not use pairs.restitution, the input of hard"
+            " spheres; use 'hertz'"
+        )
+    elif scene.contact_range > 0:
+        found.append(
+            f"contact.normal = {scene.contact.normal!r}: acts across gaps up to {scene.contact_range:g} m;"
+            " hard spheres interact only in contact"
+        )
     if scene.needs.tangential and tangential is None:
         found.append(
             "pairs.friction: rough hard spheres need tangential_restitution (beta0), -1 to 1; for smooth"
@@ -222,9 +230,11 @@ def _unsupported_features(scene: Scene, guard: float, tangential: float | None) 
         )
     if scene.output.restart_every:
         found.append("output.restart_every: the event-driven engine writes no restart files; leave it out")
-    for plane in scene.planes:
-        if _side_of(plane) is None:
-            found.append(f"walls.{plane.name}.normal = {plane.normal}: must be along an axis")
+    for wall in scene.wall_elements:
+        if not isinstance(wall, Plane):
+            found.append(f"walls.{wall.name}.kind = {wall.kind!r}: hard spheres support only planes")
+        elif _side_of(wall) is None:
+            found.append(f"walls.{wall.name}.normal = {wall.normal}: must be along an axis")
     found += _unsupported_motion(scene)
     if guard < 0 or not math.isfinite(guard):
         found.append(f"guard = {guard:g} s: must be finite and at least 0 s")
@@ -253,16 +263,14 @@ def _unsupported_motion(scene: Scene) -> list[str]:
     return found
 
 
-def _side_walls(
-    planes: list[Plane], scene: Scene, restitution: np.ndarray, friction: np.ndarray
-) -> SideWalls:
+def _side_walls(walls: list[Wall], scene: Scene, restitution: np.ndarray, friction: np.ndarray) -> SideWalls:
     """The innermost plane of each side."""
     present, position, speed, amplitude = np.zeros(6, bool), np.zeros(6), np.zeros(6), np.zeros(6)
     e, mu, names = np.ones((6, len(restitution))), np.zeros((6, len(restitution))), [""] * 6
-    for plane in planes:
-        side = _side_of(plane)
-        if side is None:
-            continue
+    for plane in walls:
+        side = _side_of(plane) if isinstance(plane, Plane) else None
+        if side is None or not isinstance(plane, Plane):
+            raise TypeError(f"wall {plane.name!r} is no plane along an axis")  # refused before
         inward, coordinate = 1 - 2 * (side % 2), plane.point[side // 2]
         if present[side] and (coordinate - position[side]) * inward <= 0:
             continue  # behind another wall of this side

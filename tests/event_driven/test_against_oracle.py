@@ -23,7 +23,7 @@ PISTON = scenes.floored(0.2, 0.005, ("zlo", "zhi", "xhi"), point=(0, 0, 0), norm
 
 
 def turning(n: int) -> np.ndarray:
-    """Spins with surface speeds like those of the centres."""
+    """Spins with surface speeds like those of the centers."""
     return np.random.default_rng(9).normal(size=(n, 3)) / scenes.RADIUS
 
 

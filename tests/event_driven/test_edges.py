@@ -13,6 +13,8 @@ from gpudem.errors import SceneError, SimulationError
 from gpudem.event_driven.engine import EVENTS_PER_LAUNCH, Engine
 from gpudem.event_driven.problem import HardSphereProblem
 from gpudem.scene import Contact, Output, Pair, Plane
+from gpudem.scene.sections import Wall
+from gpudem.walls import registry as walls
 from tests.event_driven import scenes
 
 R = scenes.RADIUS
@@ -217,7 +219,17 @@ REFUSED = {
         },
         {}, r"pairs\.rolling_friction",
     ),
-    "negative guard": ({}, {"guard": -1.0}, "guard = -1 s"),
+    "negative guard": ({}, {"guard": -1.0}, "guard = -1 s: must be finite and at least 0 s"),
+    "a guard that is no number": ({}, {"guard": math.nan}, "guard = nan s"),
+    "a law without a restitution": (
+        {
+            "contact": Contact(normal="hertz/stiffness", tangential="off"),
+            "pairs": [Pair(materials=("ball", "ball"), kn=1e5, kt=1e5, gamma_n=1.0, gamma_t=1.0)],
+        },
+        {}, r"contact\.normal = 'hertz/stiffness': does not use pairs\.restitution",
+    ),
+    "no budget": ({}, {"budget": 0}, "budget = 0: must be an integer of 1 or more"),
+    "half a budget": ({}, {"budget": 0.5}, r"budget = 0\.5: must be an integer"),
 }  # fmt: skip
 
 
@@ -245,3 +257,49 @@ def test_friction_without_a_rule_is_refused():
     # detects: rough contacts simulated as smooth
     with pytest.raises(SceneError, match=r"pairs\.friction.*tangential_restitution"):
         HardSphereProblem.from_scene(scenes.scene([[0, 0, 0]], [[0, 0, 0]], friction=0.3))
+
+
+class Ceiling(Wall):
+    """A wall of a kind that hard spheres do not have."""
+
+    def elements(self, lo, hi):
+        return [self]
+
+    def gap(self, points: np.ndarray) -> np.ndarray:
+        return np.ones(len(points))
+
+
+def test_a_wall_of_another_kind_is_refused_by_name(monkeypatch):
+    # detects: a wall of another package that the engine leaves out, so that particles pass through it
+    monkeypatch.setitem(walls._registered, "ceiling", walls.WallKind("ceiling", None, Ceiling))
+    scene = scenes.scene(
+        [[0, 0, 0.5]], [[0, 0, 0]], walls=[Ceiling(kind="ceiling", name="top", material="wall")]
+    )
+    with pytest.raises(SceneError, match=r"walls\.top\.kind = 'ceiling': hard spheres support only planes"):
+        HardSphereProblem.from_scene(scene)
+
+
+def test_a_law_that_acts_at_a_distance_is_refused(monkeypatch):
+    # detects: cohesion of another package that is simulated as if there were none
+    scene = scenes.scene([[0, 0, 0.5]], [[0, 0, 0]])
+    monkeypatch.setattr(type(scene.normal_law), "range", lambda law, inputs: 1e-4)
+    with pytest.raises(SceneError, match=r"contact\.normal = 'hertz': acts across gaps up to 0\.0001 m"):
+        HardSphereProblem.from_scene(scene)
+
+
+@pytest.mark.parametrize("edge", [1.9 * R, 0.0, -1.0, math.nan, math.inf])
+def test_a_cell_smaller_than_a_particle_is_an_error(edge):
+    # detects: pairs that are not in neighboring cells and pass through each other; NaN compares as neither
+    problem = HardSphereProblem.from_scene(scenes.scene([[0, 0, 0]], [[0, 0, 0]]))
+    with pytest.raises(SimulationError, match=r"cell_edge = .* m: must be finite and at least .* 0\.04 m"):
+        Engine(problem, edge)
+
+
+@pytest.mark.parametrize("t", [0.09, math.nan, math.inf])
+def test_a_time_in_the_past_or_no_time_is_an_error(t):
+    # detects: a clock that runs backwards, or a loop without an end
+    e = engine(scenes.scene([[0, 0, 0]], [[0, 0, 0]]))
+    e.advance(0.1)
+    e.advance(0.1)
+    with pytest.raises(SimulationError, match=r"t = .* s: must be finite and at least the present 0\.1 s"):
+        e.advance(t)
