@@ -22,7 +22,7 @@ import numpy as np
 from comparisons.case import Unmeasured
 from gpudem.errors import GpudemError
 from gpudem.event_driven.engine import Engine
-from gpudem.event_driven.statement import Statement
+from gpudem.event_driven.problem import HardSphereProblem
 from gpudem.scene import Box, Contact, Domain, Explicit, Material, Pair, Plane, Scene, Time
 from gpudem.scene.sections import Vibration
 
@@ -35,7 +35,7 @@ FLAGS = ("-O2", "-ffp-contract=off")
 
 
 @functools.cache
-def statement(count: int, seed: int = 1) -> Statement:
+def problem(count: int, seed: int = 1) -> HardSphereProblem:
     """So many disks over a fast floor, on a jittered lattice, as wide as their number asks for."""
     rng, width = np.random.default_rng(seed), count / 150
     columns = math.ceil(count / ROWS)
@@ -68,7 +68,7 @@ def statement(count: int, seed: int = 1) -> Statement:
         time=Time(step=1e-3, duration=100.0),
         allow=("time_step", "unusual_units"),
     )  # fmt: skip
-    return Statement.of(scene)
+    return HardSphereProblem.from_scene(scene)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Timed:
     """Mean height at the end [m]."""
 
 
-def engine_run(start: Statement, until: float, search: Search = "tree") -> Timed:
+def engine_run(start: HardSphereProblem, until: float, search: Search = "tree") -> Timed:
     """The engine to a time [s]."""
     engine = Engine(start, search=search)
     began = time.perf_counter()
@@ -93,7 +93,7 @@ def engine_run(start: Statement, until: float, search: Search = "tree") -> Timed
 
 def same_sequence(count: int = 30, collisions: int = 200) -> dict[Search, list[tuple[int, int]]]:
     """The first collisions by each search: who met whom, the lower number first."""
-    start, found = statement(count), {}
+    start, found = problem(count), {}
     for search in SEARCHES:
         engine = Engine(start, log=collisions, search=search)
         while engine.counts.collisions < collisions:
@@ -110,7 +110,7 @@ def rungs(plan: dict[Search, tuple[tuple[int, ...], float]], repeats: int) -> di
         repeats: Runs of each.
     """
     best: dict[Search, dict[int, float]] = {search: {} for search in plan}
-    starts = {n: statement(n) for numbers, _ in plan.values() for n in numbers}
+    starts = {n: problem(n) for numbers, _ in plan.values() for n in numbers}
     for search in plan:
         engine_run(starts[min(starts)], 1e-3, search)  # compiled before it is timed
     for _ in range(repeats):
@@ -147,18 +147,17 @@ class Yardstick:
         version = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=False)
         self.compiler = f"{(version.stdout or name).splitlines()[0]} {' '.join(FLAGS)}"
 
-    def write(self, start: Statement) -> Path:
+    def write(self, start: HardSphereProblem) -> Path:
         """The start as the program reads it, with 17 digits."""
         engine, path = Engine(start), self.folder / f"start_{len(start.radius)}.txt"
         walls, lines = start.segments[0][2], [str(len(start.radius))]
         for k in range(3):
-            row = [start.lo[k], engine.edge[k], start.gravity[k]]
+            row = [start.lo[k], engine.cell_edge[k], start.gravity[k]]
             lines.append(f"{engine.cells[k]} {int(not start.layer[k])} " + " ".join(f"{a:.17g}" for a in row))
         for side in range(6):
-            at = [walls.at[side], walls.speed[side], walls.restitution[side, 0]]
-            lines.append(
-                f"{int(walls.present[side])} {int(engine.shut[side])} " + " ".join(f"{a:.17g}" for a in at)
-            )
+            at = [walls.position[side], walls.speed[side], walls.restitution[side, 0]]
+            flags = f"{int(walls.present[side])} {int(engine.side_closed[side])} "
+            lines.append(flags + " ".join(f"{a:.17g}" for a in at))
         lines.append(f"{start.restitution[0, 0]:.17g}")
         rows = np.column_stack([start.position, start.velocity, start.radius, start.mass])
         with path.open("w") as file:
@@ -185,9 +184,9 @@ def beside_c(plan: dict[int, tuple[float, int]]) -> tuple[str, dict[int, list[tu
     found: dict[int, list[tuple[Timed, Timed]]] = {}
     with tempfile.TemporaryDirectory(prefix="hard_spheres_") as folder:
         yardstick = Yardstick(Path(folder))
-        engine_run(statement(30), 1e-3)
+        engine_run(problem(30), 1e-3)
         for n, (until, repeats) in plan.items():
-            start, found[n] = statement(n), []
+            start, found[n] = problem(n), []
             path = yardstick.write(start)
             for k in range(repeats):  # who goes first takes turns as well
                 if k % 2:

@@ -8,7 +8,7 @@ Where that leaves it a last digit short, the pair is turned back again, to appro
 time, whatever the step: a defect of this rule, not of time steps. Which pairs are met twice depends on the
 cells, so those of the source are taken over: 12 by 8 on 2 m by 1 m, the highest open.
 
-One Warp kernel, one thread. Takes the statement of the event-driven engine, and shares nothing else with it.
+One Warp kernel, one thread. Takes the problem of the event-driven engine, and shares nothing else with it.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from gpudem.event_driven.statement import Statement
+from gpudem.event_driven.problem import HardSphereProblem
 
 COLUMNS, ROWS, TOP = wp.constant(12), wp.constant(8), 1.0
-_SIDES = (0, 1, 4)  # xlo, xhi, zlo in the order of the statement
+_SIDES = (0, 1, 4)  # xlo, xhi, zlo in the order of the problem
 
 real = wp.float64
 
@@ -142,30 +142,30 @@ def _run(
 
 
 def mean_heights(
-    statement: Statement, step: float, duration: float, every: float, tested: bool = True
+    problem: HardSphereProblem, step: float, duration: float, every: float, tested: bool = True
 ) -> tuple[np.ndarray, np.ndarray]:
     """(times, mean heights [m]) of disks between walls over a fast floor.
 
     Args:
-        statement: Equal hard disks in a layer across y, gravity along -z, walls xlo, xhi, zlo.
+        problem: Equal hard disks in a layer across y, gravity along -z, walls xlo, xhi, zlo.
         step: Time step [s].
         duration: Length of the run [s].
         every: Time between rows [s].
         tested: Whether only what approaches is turned back, and each pair once: else the source's rule.
     """
-    walls, material = statement.segments[0][2], int(statement.material[0])
+    walls, material = problem.segments[0][2], int(problem.material[0])
     box = _Box()
-    box.radius = float(statement.radius[0])
+    box.radius = float(problem.radius[0])
     box.diameter = 2 * box.radius
-    box.restitution = float(statement.restitution[material, material])
-    box.gravity = -float(statement.gravity[2])
-    box.lo, box.hi, box.floor = (float(walls.at[side]) for side in _SIDES)
+    box.restitution = float(problem.restitution[material, material])
+    box.gravity = -float(problem.gravity[2])
+    box.lo, box.hi, box.floor = (float(walls.position[side]) for side in _SIDES)
     box.speed = float(walls.speed[_SIDES[2]])
     box.wall_restitution = wp.vec3d(*(float(walls.restitution[side, material]) for side in _SIDES))
     box.cell_rate = wp.vec2d(12 / (box.hi - box.lo), 8 / TOP)
-    stride, steps, n = round(every / step), round(duration / step), len(statement.position)
-    columns = [statement.position[:, 0], statement.position[:, 2]]
-    columns += [statement.velocity[:, 0], statement.velocity[:, 2]]
+    stride, steps, n = round(every / step), round(duration / step), len(problem.position)
+    columns = [problem.position[:, 0], problem.position[:, 2]]
+    columns += [problem.velocity[:, 0], problem.velocity[:, 2]]
     moving = [wp.array(c.copy(), dtype=real, device="cpu") for c in columns]
     lists = [wp.zeros(size, dtype=wp.int32, device="cpu") for size in (n, 12 * 8, n)]
     heights = wp.zeros(steps // stride + 1, dtype=real, device="cpu")

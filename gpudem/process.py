@@ -1,4 +1,4 @@
-"""What a run says of the process that it ran in."""
+"""Memory use and version of the running process, for the records of a run."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from pathlib import Path
 
 
 def peak_memory() -> int:
-    """Largest resident size of this process so far [bytes].
+    """Largest resident set size of this process so far [bytes].
 
-    On Linux from the kernel's own mark: getrusage starts a new program with the size of its parent.
+    On Linux VmHWM of /proc/self/status: getrusage counts the size of the parent before exec as well.
     """
     status = Path("/proc/self/status")
     if status.is_file():
@@ -21,7 +21,7 @@ def peak_memory() -> int:
 
 
 def version() -> str:
-    """gpudem's, as installed."""
+    """Version of the installed distribution of gpudem; "unknown (not installed)" in a bare checkout."""
     try:
         return importlib.metadata.version("gpudem")
     except importlib.metadata.PackageNotFoundError:

@@ -10,7 +10,7 @@ import numpy as np
 from comparisons import plots, soft_disks, soft_disks_checks, time_stepping
 from comparisons.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.metrics import statistics
-from gpudem.event_driven.statement import Statement
+from gpudem.event_driven.problem import HardSphereProblem
 from gpudem.output.run import Run
 from gpudem.scene import (
     Box,
@@ -167,10 +167,10 @@ def stepped(results: Results, tested: bool = True) -> dict[float, tuple[np.ndarr
     """Step [s] -> (times, mean heights (seeds, times)) by time steps; `tested`: not the source's rule."""
 
     def compute() -> dict[float, tuple[np.ndarray, np.ndarray]]:
-        statements = [Statement.of(run.scene) for run in seeds(results)]
+        problems = [HardSphereProblem.from_scene(run.scene) for run in seeds(results)]
         found = {}
         for step in SIZES[results.tier][2]:
-            curves = [time_stepping.mean_heights(s, step, START, EVERY, tested) for s in statements]
+            curves = [time_stepping.mean_heights(s, step, START, EVERY, tested) for s in problems]
             found[step] = curves[0][0], np.array([heights for _, heights in curves])
         return found
 

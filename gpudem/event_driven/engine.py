@@ -1,6 +1,7 @@
-"""Hard spheres in flight: arrays, cells and the event loop in chunks, with its budget."""
+"""The event-driven engine: memory, cells, and the event loop in launches of bounded length."""
 
 import dataclasses
+import math
 from collections.abc import Callable
 from typing import Any, Literal
 
@@ -8,101 +9,100 @@ import numpy as np
 import warp as wp
 
 from gpudem.errors import SimulationError
-from gpudem.event_driven import events as k
-from gpudem.event_driven.all_pairs import all_pairs
-from gpudem.event_driven.kernels import kernels
-from gpudem.event_driven.statement import SIDES, Statement, Walls
+from gpudem.event_driven import event_state as es
+from gpudem.event_driven.all_pairs import all_pairs_kernel
+from gpudem.event_driven.kernels import build_kernels
+from gpudem.event_driven.problem import SIDES, HardSphereProblem, SideWalls, wrap_periodic
 from gpudem.solver.device import find_device
 
-#: Events of one launch, some 40 ms: time to look at the clock, for Ctrl-C and for progress.
-CHUNK = 100_000
-#: A chunk of events that takes less than this share of the scene's duration is a diverging event rate.
-SLOWEST = 1e-7
-#: Edge of a cell by the largest diameter: fastest at some 1.4 [1.1 to 1.6 differ little].
-EDGE = 1.4
+#: Events of one launch, some 40 ms; between launches Ctrl-C, progress and the event rate are looked at.
+EVENTS_PER_LAUNCH = 100_000
+#: The event rate diverges if EVENTS_PER_LAUNCH events take less than this share of the scene's duration.
+MIN_PROGRESS_SHARE = 1e-7
+#: Edge of a cell in largest diameters: fastest at about 1.4 [1.1 to 1.6 differ little].
+CELL_EDGE_IN_DIAMETERS = 1.4
+Search = Literal["tree", "scan", "pairs"]
 
 
 @dataclasses.dataclass(frozen=True)
-class Counts:
-    """What happened so far."""
+class EventCounts:
+    """Number of events since the start, by kind."""
 
     pairs: int
+    """Collisions of two particles."""
     walls: int
+    """Collisions with a wall."""
     crossings: int
+    """Crossings from cell to cell."""
     stale: int
+    """Predicted collisions discarded since the partner had collided in the meantime."""
     guarded: int
     """Collisions that the TC model made elastic."""
 
     @property
     def collisions(self) -> int:
-        """Particle with particle and particle with wall."""
+        """Collisions of two particles and with walls."""
         return self.pairs + self.walls
 
     @property
     def events(self) -> int:
-        """All that the loop took from the tree."""
+        """All events that the loop has processed."""
         return self.collisions + self.crossings + self.stale
 
 
 @dataclasses.dataclass(frozen=True)
-class Sums:
-    """What collisions added up to."""
+class CollisionSums:
+    """Sums over all collisions since the start."""
 
     work: float
-    """Done by moving walls [J]."""
+    """Work of moving walls [J]."""
     dissipated: float
-    """Lost to restitution [J]."""
+    """Energy lost to restitution and friction [J]."""
     virial: float
-    """Sum of impulse times distance of centres [J s]."""
+    """Impulse times distance of the centers, over collisions of pairs [J s]."""
     overlap: float
     """Largest overlap at a collision, in sums of radii [1]."""
 
 
 class Engine:
-    """Hard spheres from t = 0 on.
+    """Event-driven simulation of hard spheres, from t = 0.
 
     Args:
-        statement: Particles, walls, restitutions.
-        cell_edge: Edge of a cell [m]; default 1.4 of the largest diameter.
-        log: How many collisions to log, from the first.
-        search: How the next event is found. "tree": O(log N), the engine. For comparisons of cost "scan": the
-            same cells and predictions, the earliest of all particles, O(N); "pairs": all pairs, O(N^2).
+        problem: Particles, walls, restitutions.
+        cell_edge: Edge of a cell [m], at least the largest diameter; default: CELL_EDGE_IN_DIAMETERS of it.
+        log: Number of collisions to log, from the first.
+        search: How the next event is found. "tree": O(log N), for use. For comparisons of cost only: "scan",
+            the same cells and predictions, the earliest of all particles, O(N); "pairs", all pairs, O(N^2).
 
     Raises:
-        SimulationError: cells smaller than a particle; "pairs" with periodic sides.
+        SimulationError: cell_edge below the largest diameter; "pairs" with periodic sides.
     """
 
     def __init__(
         self,
-        statement: Statement,
+        problem: HardSphereProblem,
         cell_edge: float | None = None,
         log: int = 0,
-        search: Literal["tree", "scan", "pairs"] = "tree",
+        search: Search = "tree",
     ):
-        self.statement, self.n = statement, len(statement.radius)
+        self.problem, self.n, self.time = problem, len(problem.radius), 0.0
         self._device = find_device("cpu")
-        saw = any(bool(walls.stroke.any()) for _, _, walls in statement.segments)
-        self._start, self._advance = kernels(saw, statement.rough, search != "scan")
+        sawtooth = any(bool(walls.amplitude.any()) for _, _, walls in problem.segments)
+        self._start, self._advance = build_kernels(sawtooth, problem.rough, search != "scan")
         if search == "pairs":
-            if statement.periodic.any():
-                raise SimulationError("search = 'pairs': sees no images over periodic sides")
-            self._advance = all_pairs(saw, statement.rough)
-        diameter = 2 * float(statement.radius.max())
-        edge = EDGE * diameter if cell_edge is None else cell_edge
-        if edge < diameter:
-            raise SimulationError(f"cell_edge = {edge:g} m: must be at least the diameter, {diameter:g} m")
-        extent = statement.hi - statement.lo
-        cells = np.maximum(np.floor(extent / edge), 1)
-        cells = np.where(statement.layer, 1, cells)
-        while cells.prod() > max(4096, 64 * self.n):  # a high open top is not cut into millions of cells
-            cells = np.maximum(np.floor(cells / 1.1), 1)
-        self.cells = cells.astype(int)
-        self.edge = extent / self.cells
-        self._segment = -1
-        self.shut = np.zeros(6, np.int32)
-        self._end, self.time = 0.0, 0.0
-        self._allocate(log)
-        self._next_segment()
+            if problem.periodic.any():
+                raise SimulationError("search = 'pairs': periodic sides are not supported; use 'tree'")
+            self._advance = all_pairs_kernel(sawtooth, problem.rough)
+        self.cells = _number_of_cells(problem, cell_edge)
+        self.cell_edge = (problem.hi - problem.lo) / self.cells
+        self.side_closed = np.zeros(6, np.int32)
+        self._segment, self._segment_end = -1, 0.0
+        self._state = es.EventState()
+        self._set_scalars(log)
+        self._allocate_walls()
+        self._allocate_particles()
+        self._allocate_events(log)
+        self._start_next_segment()
 
     # -- running -------------------------------------------------------------------------------------------
 
@@ -110,209 +110,249 @@ class Engine:
         self,
         t: float,
         budget: int | None = None,
-        slowest: float | None = None,
+        min_progress: float | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> None:
-        """Go on to time t [s].
+        """Simulate up to time t [s].
 
         Args:
-            t: Time to stop at [s], not before the present one.
-            budget: Most events that the whole run may take.
-            slowest: Least time [s] that CHUNK events (or 100 a particle) must take; default: SLOWEST of the
-                scene's duration.
-            progress: Called with the time [s] after every chunk.
+            t: Time to stop at [s], at least the present one.
+            budget: Largest number of events of the whole run.
+            min_progress: Simulated time [s] that EVENTS_PER_LAUNCH events (or 100 a particle, if more) must
+                exceed; default: MIN_PROGRESS_SHARE of the scene's duration.
+            progress: Called with the time [s] after every launch.
 
         Raises:
-            SimulationError: the event rate diverges or the budget is spent; a particle left the domain or
-                rests on a wall.
+            SimulationError: t is not finite or lies in the past; the event rate diverges; the budget is
+                spent; a particle left the domain or rests on a wall.
         """
-        if slowest is None:
-            slowest = SLOWEST * self.statement.segments[-1][1]
-        while t > self._end and self._segment + 1 < len(self.statement.segments):
-            self._to(self._end, budget, slowest, progress)
-            self._next_segment()
-        self._to(t, budget, slowest, progress)
+        if not self.time <= t < math.inf:
+            raise SimulationError(f"t = {t:g} s: must be finite and at least the present {self.time:g} s")
+        if min_progress is None:
+            min_progress = MIN_PROGRESS_SHARE * self.problem.segments[-1][1]
+        while t > self._segment_end and self._segment + 1 < len(self.problem.segments):
+            self._advance_segment(self._segment_end, budget, min_progress, progress)
+            self._start_next_segment()
+        self._advance_segment(t, budget, min_progress, progress)
 
-    def _to(
-        self, t: float, budget: int | None, slowest: float, progress: Callable[[float], None] | None
+    def _advance_segment(
+        self, t: float, budget: int | None, min_progress: float, progress: Callable[[float], None] | None
     ) -> None:
-        done, mark, mark_time = 0, max(CHUNK, 100 * self.n), self.time
+        """Launch the event loop until time t, within one segment."""
+        events, window, window_start = 0, max(EVENTS_PER_LAUNCH, 100 * self.n), self.time
         while True:
-            size = CHUNK
+            size = EVENTS_PER_LAUNCH
             if budget is not None:
                 size = min(size, budget - self.counts.events)
                 if size <= 0:
                     raise SimulationError(
                         f"event budget of {budget} events spent at t = {self.time:.9g} s" + self._advice()
                     )
-            self._status[0] = k.BUSY
-            wp.launch(
-                self._advance, dim=1, inputs=[self._events, t, size], device=self._device, record_tape=False
-            )
-            self.time = float(self._now[0])
-            if self._status[0] == k.DONE:
+            self._launch(self._advance, t, size)
+            self.time = float(self._current_time[0])
+            if self._status[0] == es.STOP_TIME_REACHED:
                 return
-            self._raise_for(int(self._status[0]), int(self._status[1]))
-            done += size
+            self._raise_error()
+            events += size
             if progress:
                 progress(self.time)
-            if done >= mark:
-                if self.time - mark_time <= slowest:
+            if events >= window:
+                if self.time - window_start <= min_progress:
                     raise SimulationError(
-                        f"event rate diverges at t = {self.time:.9g} s: the last {done} events took"
-                        f" {self.time - mark_time:.3g} s of simulated time" + self._advice()
+                        f"event rate diverges at t = {self.time:.9g} s: the last {events} events took"
+                        f" {self.time - window_start:.3g} s of simulated time" + self._advice()
                     )
-                done, mark_time = 0, self.time
+                events, window_start = 0, self.time
+
+    def _launch(self, kernel: Any, t: float, count: int) -> None:
+        self._status[0] = es.RUNNING
+        wp.launch(kernel, dim=1, inputs=[self._state, t, count], device=self._device, record_tape=False)
 
     def _advice(self) -> str:
         c = self.counts
         return (
             f" ({c.collisions} collisions, {c.guarded} made elastic by the guard): particles settle or"
-            " collapse; set guard (t_c) to a time well below that between collisions, or use the soft solver"
-            " for beds at rest"
+            " collapse; set guard (t_c) [s] well below the mean time between collisions, or use the"
+            " time-stepping solver for beds at rest"
         )
 
-    def _raise_for(self, status: int, i: int) -> None:
-        if status == k.LOST:
-            side = SIDES[int(self._cross_side[i])]
+    def _raise_error(self) -> None:
+        status, i = int(self._status[0]), int(self._status[1])
+        if status == es.LEFT_DOMAIN:
+            side = SIDES[int(self._crossing_side[i])]
             raise SimulationError(
                 f"particle {i + 1} left the domain by {side} at t = {self.time:.9g} s: there is no wall;"
-                " put one there or widen the domain"
+                " add one or extend the domain"
             )
-        if status == k.RESTING:
+        if status == es.RESTING_ON_WALL:
             raise SimulationError(
-                f"particle {i + 1} rests on a wall at t = {self.time:.9g} s: hard spheres state no lasting"
-                " contact; lift it, or use the soft solver"
+                f"particle {i + 1} rests on a wall at t = {self.time:.9g} s: hard spheres have no lasting"
+                " contacts; start it above the wall, or use the time-stepping solver"
             )
-        if status == k.UNSEEN:
+        if status == es.SAWTOOTH_ROOT_NOT_FOUND:
             raise SimulationError(
-                f"particle {i + 1} finds no tooth of a vibrating wall at t = {self.time:.9g} s: the period is"
-                " too short for the clock; amplitude = 0 is that limit"
+                f"no collision time of particle {i + 1} with a vibrating wall found at t = {self.time:.9g} s:"
+                " the period amplitude / speed is too short to be resolved; amplitude = 0 is that limit"
             )
 
     # -- reading -------------------------------------------------------------------------------------------
 
     def state(self) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities (n, 3) at the present time; the clocks of the particles stay."""
-        dt = (self.time - self._clock)[:, None]
-        g = self.statement.gravity
-        x, v = self._x + dt * (self._v + 0.5 * dt * g), self._v + dt * g
-        s = self.statement
-        return np.where(s.periodic, s.lo + (x - s.lo) % (s.hi - s.lo), x), v
+        """Positions [m] and velocities [m/s], (n, 3), at the present time; does not change the simulation.
+
+        Periodic coordinates are in [lo, hi).
+        """
+        p, (x, v) = self.problem, self._flight()
+        return wrap_periodic(x, p.lo, p.hi, p.periodic), v
+
+    def unwrapped_positions(self) -> np.ndarray:
+        """Positions (n, 3) [m] at the present time that follow particles through periodic sides."""
+        p, (x, _) = self.problem, self._flight()
+        return x + self._image * (p.hi - p.lo) if p.periodic.any() else x
+
+    def _flight(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities at the present time, from the local times on; not wrapped."""
+        dt, g = (self.time - self._local_time)[:, None], self.problem.gravity
+        return self._x + dt * (self._v + 0.5 * dt * g), self._v + dt * g
 
     @property
-    def spin(self) -> np.ndarray:
-        """Angular velocities (n, 3) [rad/s]; between smooth spheres those of the start."""
-        return (self._spin if self.statement.rough else self.statement.spin).copy()
+    def angular_velocity(self) -> np.ndarray:
+        """(n, 3) [rad/s]; of smooth spheres the initial one."""
+        p = self.problem
+        return (self._angular_velocity if p.rough else p.angular_velocity).copy()
 
     @property
-    def counts(self) -> Counts:
-        """Events so far."""
-        return Counts(*self._counts.tolist())
+    def counts(self) -> EventCounts:
+        """Events since the start."""
+        return EventCounts(*self._counts.tolist())
 
     @property
-    def sums(self) -> Sums:
-        """Work and losses so far."""
-        return Sums(*self._sums.tolist())
+    def sums(self) -> CollisionSums:
+        """Work, dissipation and virial since the start."""
+        return CollisionSums(*self._sums.tolist())
 
     def energy(self) -> float:
-        """Kinetic and potential energy [J] of the present state; potential counts from the origin."""
-        x, v = self.state()
-        m, w, radius = self.statement.mass, self.spin, self.statement.radius
-        turning = 0.2 * float((m * radius**2) @ (w * w).sum(axis=1))
-        return float(0.5 * m @ (v * v).sum(axis=1) - m @ (x @ self.statement.gravity)) + turning
+        """Kinetic, rotational and potential energy [J] at the present time.
+
+        Potential energy is relative to the origin; it follows particles through periodic sides.
+        """
+        p, v, w = self.problem, self.state()[1], self.angular_velocity
+        rotational = 0.2 * float((p.mass * p.radius**2) @ (w * w).sum(axis=1))
+        potential = -p.mass @ (self.unwrapped_positions() @ p.gravity)
+        return float(0.5 * p.mass @ (v * v).sum(axis=1) + potential) + rotational
 
     @property
     def log(self) -> tuple[np.ndarray, np.ndarray]:
-        """(pairs (c, 2), times (c,)) of the first collisions; a wall is -2 - its side."""
+        """(particle and partner (c, 2), times (c,) [s]) of the first collisions; a wall is -2 - its side."""
         size = min(len(self._log_time), self.counts.collisions)
         return self._log[:size].copy(), self._log_time[:size].copy()
 
-    # -- arrays --------------------------------------------------------------------------------------------
+    # -- memory --------------------------------------------------------------------------------------------
 
     def _array(self, name: str, value: np.ndarray, dtype: Any) -> np.ndarray:
-        """Put an array into the struct; returns its memory."""
+        """Set an array of the state; returns a view of its memory."""
         array = wp.array(np.ascontiguousarray(value), dtype=dtype, device=self._device)
-        setattr(self._events, name, array)
+        setattr(self._state, name, array)
         return array.numpy()  # on the CPU a view
 
-    def _allocate(self, log: int) -> None:
-        s, n = self.statement, self.n
-        e = self._events = k.Events()
-        leaves = 2
-        while leaves < n:
-            leaves *= 2
-        e.n, e.leaves, e.log_size, e.guard = n, leaves, log, s.guard
-        e.gravity, e.lo, e.edge = wp.vec3d(s.gravity), wp.vec3d(s.lo), wp.vec3d(self.edge)
-        e.size, e.cells = wp.vec3d(s.hi - s.lo), wp.vec3i(*self.cells.tolist())
-        e.reach, e.periodic = (
-            wp.vec3i(*(~s.layer).astype(int).tolist()),
-            wp.vec3i(*s.periodic.astype(int).tolist()),
-        )
-        real, whole, none = wp.float64, wp.int32, np.zeros(n, np.int32)
-        self._wall = self._array("wall", np.zeros(6, np.int32), whole)
-        self._shut = self._array("shut", np.zeros(6, np.int32), whole)
-        self._wall_at = self._array("wall_at", np.zeros(6), real)
-        self._wall_speed = self._array("wall_speed", np.zeros(6), real)
-        self._wall_stroke = self._array("wall_stroke", np.zeros(6), real)
-        self._wall_restitution = self._array("wall_restitution", np.ones((6, len(s.restitution))), real)
-        self._array("restitution", s.restitution, real)
-        if s.rough:
-            e.tangential = s.tangential
-            self._array("friction", s.friction, real)
-            self._wall_friction = self._array("wall_friction", np.zeros((6, len(s.friction))), real)
-            self._spin = self._array("spin", s.spin, wp.vec3d)
-        span = s.hi - s.lo
-        x = np.where(s.periodic, s.lo + (s.position - s.lo) % span, s.position)
-        self._x, self._v = self._array("x", x, wp.vec3d), self._array("v", s.velocity, wp.vec3d)
-        self._clock = self._array("clock", np.zeros(n), real)
-        self._array("last", np.full(n, -1e300), real)
-        self._array("radius", s.radius, real)
-        self._array("mass", s.mass, real)
-        self._array("material", s.material.astype(np.int32), whole)
-        self._head = self._array("head", np.full(int(self.cells.prod()), -1, np.int32), whole)
+    def _set_scalars(self, log: int) -> None:
+        p, s, n_leaves = self.problem, self._state, 2
+        while n_leaves < self.n:
+            n_leaves *= 2
+        s.n, s.n_leaves, s.log_capacity, s.guard = self.n, n_leaves, log, p.guard
+        s.tangential_restitution = p.tangential_restitution
+        s.gravity, s.lo, s.cell_edge = wp.vec3d(*p.gravity), wp.vec3d(*p.lo), wp.vec3d(*self.cell_edge)
+        s.domain_size, s.n_cells = wp.vec3d(*(p.hi - p.lo)), wp.vec3i(*self.cells.tolist())
+        s.search_range = wp.vec3i(*(~p.layer).astype(int).tolist())
+        s.periodic = wp.vec3i(*p.periodic.astype(int).tolist())
+
+    def _allocate_walls(self) -> None:
+        p, zero, none = self.problem, np.zeros(6), np.zeros(6, np.int32)
+        self._wall_present = self._array("wall_present", none, wp.int32)
+        self._side_closed = self._array("side_closed", none, wp.int32)
+        self._wall_position = self._array("wall_position", zero, wp.float64)
+        self._wall_speed = self._array("wall_speed", zero, wp.float64)
+        self._wall_amplitude = self._array("wall_amplitude", zero, wp.float64)
+        by_material = np.ones((6, len(p.restitution)))
+        self._wall_restitution = self._array("wall_restitution", by_material, wp.float64)
+        self._array("restitution", p.restitution, wp.float64)
+        if p.rough:
+            self._wall_friction = self._array("wall_friction", 0 * by_material, wp.float64)
+            self._array("friction", p.friction, wp.float64)
+
+    def _allocate_particles(self) -> None:
+        p = self.problem
+        x = wrap_periodic(p.position, p.lo, p.hi, p.periodic)
+        self._x, self._v = self._array("x", x, wp.vec3d), self._array("v", p.velocity, wp.vec3d)
+        if p.rough:
+            self._angular_velocity = self._array("angular_velocity", p.angular_velocity, wp.vec3d)
+        if p.periodic.any():
+            image = np.rint((p.position - x) / (p.hi - p.lo)).astype(np.int32)
+            self._image = self._array("image", image, wp.vec3i)
+        self._local_time = self._array("local_time", np.zeros(self.n), wp.float64)
+        self._array("last_collision_time", np.full(self.n, -1e300), wp.float64)
+        self._array("radius", p.radius, wp.float64)
+        self._array("mass", p.mass, wp.float64)
+        self._array("material", p.material.astype(np.int32), wp.int32)
+
+    def _allocate_events(self, log: int) -> None:
+        n, n_leaves, none = self.n, int(self._state.n_leaves), np.zeros(self.n, np.int32)
+        self._head = self._array("head", np.full(int(self.cells.prod()), -1, np.int32), wp.int32)
         for name in ("next", "previous"):
-            self._array(name, none - 1, whole)
+            self._array(name, none - 1, wp.int32)
         self._cell = self._array("cell", np.zeros((n, 3), np.int32), wp.vec3i)
-        for name in ("collisions", "partner", "partner_collisions"):
-            self._array(name, none, whole)
-        for name in ("hit_time", "cross_time"):
-            self._array(name, np.zeros(n), real)
-        self._cross_side = self._array("cross_side", none, whole)
-        self._array("time", np.full(leaves, 1e300), real)
-        self._array("winner", np.zeros(leaves, np.int32), whole)
-        self._status = self._array("status", np.zeros(2, np.int32), whole)
-        self._now = self._array("now", np.zeros(1), real)
+        for name in ("collision_count", "partner", "partner_count"):
+            self._array(name, none, wp.int32)
+        for name in ("collision_time", "crossing_time"):
+            self._array(name, np.zeros(n), wp.float64)
+        self._crossing_side = self._array("crossing_side", none, wp.int32)
+        self._array("event_time", np.full(n_leaves, 1e300), wp.float64)
+        self._array("tree", np.zeros(n_leaves, np.int32), wp.int32)
+        self._status = self._array("status", np.zeros(2, np.int32), wp.int32)
+        self._current_time = self._array("current_time", np.zeros(1), wp.float64)
         self._counts = self._array("counts", np.zeros(5, np.int64), wp.int64)
-        self._sums = self._array("sums", np.zeros(4), real)
+        self._sums = self._array("sums", np.zeros(4), wp.float64)
         self._log = self._array("log", np.zeros((max(log, 1), 2), np.int32), wp.vec2i)
-        self._log_time = self._array("log_time", np.zeros(max(log, 1)), real)[:log]
+        self._log_time = self._array("log_time", np.zeros(max(log, 1)), wp.float64)[:log]
 
-    def _next_segment(self) -> None:
-        """Put up the walls of the next segment and predict all anew."""
+    # -- segments ------------------------------------------------------------------------------------------
+
+    def _start_next_segment(self) -> None:
+        """Set the walls of the next segment and predict all particles anew."""
         self._segment += 1
-        begin, self._end, walls = self.statement.segments[self._segment]
-        self._set_walls(walls)
-        x = self._x + (begin - self._clock)[:, None] * (
-            self._v + 0.5 * (begin - self._clock)[:, None] * self.statement.gravity
-        )
-        cell = np.floor((x - self.statement.lo) / self.edge).astype(int)
-        self._cell[:] = np.clip(cell, 0, self.cells - 1)
+        begin, self._segment_end, walls = self.problem.segments[self._segment]  # mutate: segment
+        self._set_walls(walls)  # mutate: walls_of_segment
+        dt = (begin - self._local_time)[:, None]
+        x = self._x + dt * (self._v + 0.5 * dt * self.problem.gravity)
+        cell = np.floor((x - self.problem.lo) / self.cell_edge).astype(int)
+        self._cell[:] = np.clip(cell, 0, self.cells - 1)  # rounding may put a particle on a face beyond it
         self._head[:] = -1
-        self._status[0] = k.BUSY
-        wp.launch(
-            self._start, dim=1, inputs=[self._events, begin, self.n], device=self._device, record_tape=False
-        )
-        self._raise_for(int(self._status[0]), int(self._status[1]))
+        self._launch(self._start, begin, self.n)
+        self._raise_error()
 
-    def _set_walls(self, walls: Walls) -> None:
-        s = self.statement
-        self._wall[:], self._wall_at[:] = walls.present, walls.at
-        self._wall_speed[:], self._wall_stroke[:] = walls.speed, walls.stroke
+    def _set_walls(self, walls: SideWalls) -> None:
+        p = self.problem
+        self._wall_present[:], self._wall_position[:] = walls.present, walls.position
+        self._wall_speed[:], self._wall_amplitude[:] = walls.speed, walls.amplitude
         self._wall_restitution[:] = walls.restitution
-        if s.rough:
+        if p.rough:
             self._wall_friction[:] = walls.friction
-        edges = np.stack([s.lo, s.hi], axis=1).ravel()
+        faces = np.stack([p.lo, p.hi], axis=1).ravel()
         outwards = np.array([-1.0, 1.0] * 3)
-        self._shut[:] = walls.present & ((walls.at - edges) * outwards <= 0)
-        self.shut = self._shut.copy()
+        self._side_closed[:] = walls.present & ((walls.position - faces) * outwards <= 0)
+        self.side_closed = self._side_closed.copy()
+
+
+def _number_of_cells(problem: HardSphereProblem, cell_edge: float | None) -> np.ndarray:
+    """(3,) int: cells of at least cell_edge [m]; one along the normal of a layer. Raises SimulationError."""
+    diameter = 2 * float(problem.radius.max())
+    edge = CELL_EDGE_IN_DIAMETERS * diameter if cell_edge is None else cell_edge
+    if not diameter <= edge < math.inf:
+        raise SimulationError(
+            f"cell_edge = {edge:g} m: must be finite and at least the largest diameter, {diameter:g} m"
+        )
+    cells = np.maximum(np.floor((problem.hi - problem.lo) / edge), 1)
+    cells = np.where(problem.layer, 1, cells)
+    while cells.prod() > max(4096, 64 * len(problem.radius)):  # a high open domain: not millions of cells
+        cells = np.maximum(np.floor(cells / 1.1), 1)
+    return cells.astype(int)

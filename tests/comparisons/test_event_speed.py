@@ -19,7 +19,7 @@ needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler"
 @needs_cc
 def test_c_does_the_same_work_and_another_scene_is_seen(tmp_path):
     # catches: a yardstick that does less; a check that would hold for any two programs
-    yardstick, start = event_speed.Yardstick(tmp_path), event_speed.statement(60)
+    yardstick, start = event_speed.Yardstick(tmp_path), event_speed.problem(60)
     own = event_speed.engine_run(start, 2.0)
     same = yardstick.run(yardstick.write(start), 2.0)
     assert own.events > 2000
@@ -36,7 +36,7 @@ def test_what_the_c_program_says_is_an_error(tmp_path):
     yardstick = event_speed.Yardstick(tmp_path)
     with pytest.raises(GpudemError, match="No such file"):
         yardstick.run(yardstick.folder / "missing.txt", 1.0)
-    path = yardstick.write(event_speed.statement(60))
+    path = yardstick.write(event_speed.problem(60))
     path.write_text(path.read_text()[:-200])
     with pytest.raises(GpudemError, match="a number is missing"):
         yardstick.run(path, 1.0)

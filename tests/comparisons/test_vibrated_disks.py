@@ -10,7 +10,7 @@ import pytest
 from comparisons import soft_disks, time_stepping
 from comparisons.cases import vibrated_box
 from gpudem.driver import simulate as run
-from gpudem.event_driven.statement import Statement
+from gpudem.event_driven.problem import HardSphereProblem
 
 
 def test_contact_time():
@@ -41,8 +41,8 @@ def test_fits():
 
 @pytest.mark.parametrize(("tested", "low", "high"), [(True, 0.31, 0.335), (False, 0.198, 0.212)])
 def test_time_stepping(tested, low, high):
-    statement = Statement.of(vibrated_box.scene(1, vibrated_box.START))
-    times, heights = time_stepping.mean_heights(statement, 1e-2, vibrated_box.START, 0.1, tested)
+    problem = HardSphereProblem.from_scene(vibrated_box.scene(1, vibrated_box.START))
+    times, heights = time_stepping.mean_heights(problem, 1e-2, vibrated_box.START, 0.1, tested)
     assert times[-1] == pytest.approx(vibrated_box.START)
-    assert heights[0] == pytest.approx(statement.position[:, 2].mean())
+    assert heights[0] == pytest.approx(problem.position[:, 2].mean())
     assert low < vibrated_box.window(times, heights) < high

@@ -61,7 +61,7 @@ def scene(
 def placed(
     rng: np.random.Generator, n: int, lo: Any, hi: Any, radius: np.ndarray, flat: int | None = None
 ) -> np.ndarray:
-    """Random centres between lo and hi, no two spheres closer than touching."""
+    """Random centers between lo and hi, no two spheres closer than touching."""
     made = np.empty((0, 3))
     for _ in range(1000 * n):
         if len(made) == n:

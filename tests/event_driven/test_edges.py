@@ -1,4 +1,4 @@
-"""Where event-driven simulations hang, tunnel or lie: collapse, rest, jams, grazing, ties, touch."""
+"""Limits of event-driven simulation: collapse, rest, jams, grazing, simultaneous events."""
 
 from __future__ import annotations
 
@@ -10,16 +10,18 @@ import warp as wp
 
 import gpudem.event_driven
 from gpudem.errors import SceneError, SimulationError
-from gpudem.event_driven.engine import CHUNK, Engine
-from gpudem.event_driven.statement import Statement
+from gpudem.event_driven.engine import EVENTS_PER_LAUNCH, Engine
+from gpudem.event_driven.problem import HardSphereProblem
 from gpudem.scene import Contact, Output, Pair, Plane
+from gpudem.scene.sections import Wall
+from gpudem.walls import registry as walls
 from tests.event_driven import scenes
 
 R = scenes.RADIUS
 
 
 def engine(scene, guard=0.0, log=100) -> Engine:
-    return Engine(Statement.of(scene, guard), log=log)
+    return Engine(HardSphereProblem.from_scene(scene, guard), log=log)
 
 
 def bouncing(e: float, height: float = 0.5, **more):
@@ -30,16 +32,16 @@ def bouncing(e: float, height: float = 0.5, **more):
 
 
 def test_inelastic_collapse_on_the_floor_is_an_error():
-    # catches: an endless loop. Bounces of e = 0.5 add up to t = t1 (1 + e)/(1 - e) = 3 t1
+    # detects: an endless loop. Bounces of e = 0.5 add up to t = t1 (1 + e)/(1 - e) = 3 t1
     e = engine(bouncing(0.5))
     with pytest.raises(SimulationError, match=r"particle 1 rests on a wall|event rate diverges") as error:
-        e.advance(10.0, slowest=1e-6)
+        e.advance(10.0, min_progress=1e-6)
     assert e.time == pytest.approx(3.0, abs=1e-6)
-    assert "guard" in str(error.value) or "soft solver" in str(error.value)
+    assert "guard" in str(error.value) or "time-stepping solver" in str(error.value)
 
 
 def test_the_guard_ends_a_collapse_on_the_floor():
-    # catches: a guard on pairs alone. Below a flight of t_c it bounces on, and that is counted
+    # detects: a guard that acts only on pairs. Flights shorter than t_c end elastically, and that is counted
     e = engine(bouncing(0.5), guard=1e-2)
     e.advance(10.0)
     late = e.counts
@@ -49,7 +51,7 @@ def test_the_guard_ends_a_collapse_on_the_floor():
 
 
 def test_the_budget_ends_a_run():
-    # catches: a budget that is not held, or held only in chunks
+    # detects: a budget that is ignored, or that holds only to a whole launch
     e = engine(bouncing(0.5), guard=1e-4)
     with pytest.raises(SimulationError, match=r"event budget of 3000 events spent at t = .* collisions"):
         e.advance(10.0, budget=3000)
@@ -65,50 +67,50 @@ def clump(restitution: float):
 
 
 @pytest.mark.parametrize("what", ["bouncing", "clump", "bed"])
-def test_no_collapse_is_endless_without_being_told(what):
-    # catches: a loop that goes on while time moves by the last bit, 1e-11 s in 100 000 events: neither a
+def test_collapse_is_an_error_by_default(what):
+    # detects: a loop that goes on while time moves by the last bit, 1e-11 s in 100 000 events: neither a
     # budget nor a least time is given here
     bed = scenes.vibrated(restitution=0.5, wall_restitution=0.5, duration=30.0)
     e = engine({"bouncing": bouncing(0.5), "clump": clump(0.3), "bed": bed}[what])
     with pytest.raises(SimulationError, match=r"rests on a wall|event rate diverges"):
         e.advance(20.0)
-    assert e.counts.events <= 50 * CHUNK
+    assert e.counts.events <= 50 * EVENTS_PER_LAUNCH
 
 
 def test_a_launch_is_bounded_by_the_kernel():
-    # catches: an endless loop in the one place that Python cannot interrupt. One launch, to the end of time
+    # detects: an endless loop in the one place that Python cannot interrupt. One launch, to the end of time
     e = engine(clump(1.0))
     e._status[0] = 0
-    wp.launch(e._advance, dim=1, inputs=[e._events, 1e300, 777], device="cpu")
+    wp.launch(e._advance, dim=1, inputs=[e._state, 1e300, 777], device="cpu")
     assert e.counts.events == 777
 
 
 def test_inelastic_collapse_of_a_clump_is_an_error():
-    # catches: an endless loop among pairs
+    # detects: an endless loop among pairs
     e = engine(clump(0.3))
     with pytest.raises(SimulationError, match="event rate diverges"):
-        e.advance(20.0, slowest=1e-6)
-    assert e.counts.events <= 10 * CHUNK
+        e.advance(20.0, min_progress=1e-6)
+    assert e.counts.events <= 10 * EVENTS_PER_LAUNCH
 
 
 def test_the_guard_ends_the_collapse_of_a_clump():
-    # catches: a guard that looks at one partner alone, or a clock of the last collision that is not kept
+    # detects: a guard that regards only one partner, or a time of the last collision that is not stored
     e = engine(clump(0.3), guard=1e-4)
-    e.advance(20.0, slowest=1e-6)
+    e.advance(20.0, min_progress=1e-6)
     assert 0 < e.counts.guarded < e.counts.pairs
     assert e.sums.overlap < 1e-9
 
 
 def test_a_settling_bed_is_an_error_with_advice():
-    # catches: endless or silent creep; without a guard a bed of e = 0.5 cannot come to rest
+    # detects: endless or silent creep; without a guard a bed of e = 0.5 cannot come to rest
     e = engine(scenes.vibrated(restitution=0.5, wall_restitution=0.5, duration=30.0))
-    with pytest.raises(SimulationError, match=r"(?s)(diverges|rests).*soft solver"):
-        e.advance(30.0, slowest=1e-6)
+    with pytest.raises(SimulationError, match=r"(?s)(diverges|rests).*time-stepping solver"):
+        e.advance(30.0, min_progress=1e-6)
     assert e.time < 30
 
 
 def test_a_jammed_row_is_an_error():
-    # catches: an endless loop where a row fills its width to the last bit: no time between hits
+    # detects: an endless loop where a row fills its width to the last bit: no time between hits
     n = 5
     x = np.column_stack([R * (1 + 2 * np.arange(n)), np.zeros(n), np.full(n, 0.5)])
     jam = scenes.scene(
@@ -117,12 +119,12 @@ def test_a_jammed_row_is_an_error():
     )  # fmt: skip
     e = engine(jam)
     with pytest.raises(SimulationError, match="event rate diverges"):
-        e.advance(1.0, slowest=1e-6)
+        e.advance(1.0, min_progress=1e-6)
     assert e.time < 1e-6
 
 
 def test_equal_velocities_never_meet():
-    # catches: 0/0 in the root. Touching, side by side, and one behind the other
+    # detects: 0/0 in the root. Touching, side by side, and one behind the other
     x = [[0, 0, 0], [2 * R, 0, 0], [0, 0, 3 * R], [0.5, 0, 0.5]]
     e = engine(scenes.scene(x, [[0.1, 0, 0.2]] * 4, gravity=(0, 0, -0.5)))
     e.advance(1.0)
@@ -132,7 +134,7 @@ def test_equal_velocities_never_meet():
 
 @pytest.mark.parametrize(("offset", "meets"), [(2 * R - 1e-9, True), (2 * R + 1e-9, False), (2 * R, False)])
 def test_grazing(offset, meets):
-    # catches: a graze that is missed, one that is seen where there is none, and one that pulls
+    # detects: a graze that is missed, one that is seen where there is none, and one that pulls
     e = engine(scenes.scene([[-0.5, 0, 0], [0.0, 0, offset]], [[1, 0, 0], [0, 0, 0]]))
     e.advance(0.9)
     assert e.counts.pairs == meets
@@ -143,7 +145,7 @@ def test_grazing(offset, meets):
 
 
 def test_simultaneous_collisions():
-    # catches: a tie that loses an event: two pairs meet and a third disk comes to a wall at the same instant
+    # detects: a tie that loses an event: two pairs meet and a third disk comes to a wall at the same instant
     x = [[-0.5, 0, 0.5], [-0.3, 0, 0.5], [0.3, 0, -0.5], [0.5, 0, -0.5], [1 - R - 0.08, 0, 0]]
     v = [[1, 0, 0], [-1, 0, 0], [1, 0, 0], [-1, 0, 0], [1, 0, 0]]
     e = engine(scenes.scene(x, v, sides=("xhi",)))
@@ -155,7 +157,7 @@ def test_simultaneous_collisions():
 
 
 def test_newtons_cradle_touching_at_the_start():
-    # catches: touching partners that are dropped as overlapping, or that tunnel
+    # detects: touching partners that are dropped as overlapping, or that tunnel
     x = np.outer(2 * R * np.arange(4) + [0, 0.1, 0.1, 0.1], [1, 0, 0])
     e = engine(scenes.scene(x, [[1, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0]]))
     e.advance(0.3)
@@ -164,7 +166,7 @@ def test_newtons_cradle_touching_at_the_start():
 
 
 def test_an_approach_from_touch_is_a_collision_now():
-    # catches: a root at t = 0 that is dropped as past
+    # detects: a root at t = 0 that is dropped as past
     e = engine(scenes.scene([[0, 0, 0], [2 * R, 0, 0]], [[1, 0, 0], [0, 0, 0]], restitution=0.5))
     e.advance(0.1)
     np.testing.assert_allclose(e.state()[1][:, 0], [0.25, 0.75], atol=1e-15)
@@ -172,7 +174,7 @@ def test_an_approach_from_touch_is_a_collision_now():
 
 
 def test_a_ball_at_rest_on_the_floor_is_an_error():
-    # catches: a zero-speed hit at t = 0 that repeats for ever
+    # detects: a zero-speed hit at t = 0 that repeats for ever
     with pytest.raises(SimulationError, match="particle 1 rests on a wall at t = 0 s"):
         engine(bouncing(0.9, height=0.0)).advance(1.0)
 
@@ -188,7 +190,7 @@ def test_the_fast_floor():
 
 
 def test_a_lost_particle_is_an_error():
-    # catches: a particle that leaves by an open side unseen
+    # detects: a particle that leaves by an open side unseen
     e = engine(scenes.scene([[0, 0, 0]], [[0, 0, 2]]))
     with pytest.raises(SimulationError, match=r"particle 1 left the domain by zhi at t = 0\.5 s"):
         e.advance(1.0)
@@ -217,22 +219,32 @@ REFUSED = {
         },
         {}, r"pairs\.rolling_friction",
     ),
-    "negative guard": ({}, {"guard": -1.0}, "guard = -1 s"),
+    "negative guard": ({}, {"guard": -1.0}, "guard = -1 s: must be finite and at least 0 s"),
+    "a guard that is no number": ({}, {"guard": math.nan}, "guard = nan s"),
+    "a law without a restitution": (
+        {
+            "contact": Contact(normal="hertz/stiffness", tangential="off"),
+            "pairs": [Pair(materials=("ball", "ball"), kn=1e5, kt=1e5, gamma_n=1.0, gamma_t=1.0)],
+        },
+        {}, r"contact\.normal = 'hertz/stiffness': does not use pairs\.restitution",
+    ),
+    "no budget": ({}, {"budget": 0}, "budget = 0: must be an integer of 1 or more"),
+    "half a budget": ({}, {"budget": 0.5}, r"budget = 0\.5: must be an integer"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_refused_by_name(name):
-    # catches: a scene that runs as something else than it says
+    # detects: a scene that runs as something else than it says
     changes, options, message = REFUSED[name]
     with pytest.raises(SceneError, match=message):
         gpudem.event_driven.run(scenes.scene([[0, 0, 0.5]], [[0, 0, 0]], **changes), **options)
 
 
 def test_overlap_at_the_start_is_refused():
-    # catches: a pair inside each other, whose root lies in the past
+    # detects: overlapping pairs, whose collision time is in the past
     with pytest.raises(SceneError, match=r"particles 1 and 2 overlap by 0\.025 diameters"):
-        Statement.of(_allowing(scenes.scene([[0, 0, 0], [1, 0, 0]], [[0, 0, 0]] * 2)))
+        HardSphereProblem.from_scene(_allowing(scenes.scene([[0, 0, 0], [1, 0, 0]], [[0, 0, 0]] * 2)))
 
 
 def _allowing(scene):
@@ -242,6 +254,52 @@ def _allowing(scene):
 
 
 def test_friction_without_a_rule_is_refused():
-    # catches: rough contacts simulated as smooth
+    # detects: rough contacts simulated as smooth
     with pytest.raises(SceneError, match=r"pairs\.friction.*tangential_restitution"):
-        Statement.of(scenes.scene([[0, 0, 0]], [[0, 0, 0]], friction=0.3))
+        HardSphereProblem.from_scene(scenes.scene([[0, 0, 0]], [[0, 0, 0]], friction=0.3))
+
+
+class Ceiling(Wall):
+    """A wall of a kind that hard spheres do not have."""
+
+    def elements(self, lo, hi):
+        return [self]
+
+    def gap(self, points: np.ndarray) -> np.ndarray:
+        return np.ones(len(points))
+
+
+def test_a_wall_of_another_kind_is_refused_by_name(monkeypatch):
+    # detects: a wall of another package that the engine leaves out, so that particles pass through it
+    monkeypatch.setitem(walls._registered, "ceiling", walls.WallKind("ceiling", None, Ceiling))
+    scene = scenes.scene(
+        [[0, 0, 0.5]], [[0, 0, 0]], walls=[Ceiling(kind="ceiling", name="top", material="wall")]
+    )
+    with pytest.raises(SceneError, match=r"walls\.top\.kind = 'ceiling': hard spheres support only planes"):
+        HardSphereProblem.from_scene(scene)
+
+
+def test_a_law_that_acts_at_a_distance_is_refused(monkeypatch):
+    # detects: cohesion of another package that is simulated as if there were none
+    scene = scenes.scene([[0, 0, 0.5]], [[0, 0, 0]])
+    monkeypatch.setattr(type(scene.normal_law), "range", lambda law, inputs: 1e-4)
+    with pytest.raises(SceneError, match=r"contact\.normal = 'hertz': acts across gaps up to 0\.0001 m"):
+        HardSphereProblem.from_scene(scene)
+
+
+@pytest.mark.parametrize("edge", [1.9 * R, 0.0, -1.0, math.nan, math.inf])
+def test_a_cell_smaller_than_a_particle_is_an_error(edge):
+    # detects: pairs that are not in neighboring cells and pass through each other; NaN compares as neither
+    problem = HardSphereProblem.from_scene(scenes.scene([[0, 0, 0]], [[0, 0, 0]]))
+    with pytest.raises(SimulationError, match=r"cell_edge = .* m: must be finite and at least .* 0\.04 m"):
+        Engine(problem, edge)
+
+
+@pytest.mark.parametrize("t", [0.09, math.nan, math.inf])
+def test_a_time_in_the_past_or_no_time_is_an_error(t):
+    # detects: a clock that runs backwards, or a loop without an end
+    e = engine(scenes.scene([[0, 0, 0]], [[0, 0, 0]]))
+    e.advance(0.1)
+    e.advance(0.1)
+    with pytest.raises(SimulationError, match=r"t = .* s: must be finite and at least the present 0\.1 s"):
+        e.advance(t)

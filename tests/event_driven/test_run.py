@@ -1,4 +1,4 @@
-"""run(): what it keeps and writes, at exact times, in the columns that every code has."""
+"""run(): its history, trace and frames, at exact times, in the columns that every code has."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def thrown(**more):
 
 
 def test_history_trace_and_frames(tmp_path):
-    # catches: a row written at the time of the last event instead of its own, a column missing or swapped
+    # detects: a row written at the time of the last event instead of its own, a column missing or swapped
     steps = []
     run = event_driven.run(thrown(), tmp_path, progress=steps.append)
     back = Run.load(tmp_path)
@@ -42,7 +42,7 @@ def test_history_trace_and_frames(tmp_path):
 
 
 def test_what_there_is_is_saved_when_a_run_fails(tmp_path):
-    # catches: a failed run that leaves nothing, or looks whole
+    # detects: a failed run that leaves no files, or looks complete
     with pytest.raises(SimulationError, match="budget of 1 events"):
         event_driven.run(thrown(), tmp_path, budget=1)
     back = Run.load(tmp_path)
@@ -51,7 +51,7 @@ def test_what_there_is_is_saved_when_a_run_fails(tmp_path):
 
 
 def test_ctrl_c_keeps_what_there_is(tmp_path):
-    # catches: an interrupt that is swallowed, or loses the rows so far
+    # detects: an interrupt that is swallowed, or loses the rows so far
     def stop(step: int) -> None:
         if step >= 1000:
             raise KeyboardInterrupt

@@ -9,7 +9,7 @@ import pytest
 
 from comparisons.oracles import gas
 from gpudem.event_driven.engine import Engine
-from gpudem.event_driven.statement import Statement
+from gpudem.event_driven.problem import HardSphereProblem
 from gpudem.scene import Lattice
 from tests.event_driven import scenes
 
@@ -18,7 +18,7 @@ FLOOR = 0.149
 
 def sampled(duration: float, settle: float, seed: int) -> tuple[Engine, np.ndarray, np.ndarray]:
     """The source's scene (300 disks): engine, mean heights and kinetic energies per disk from `settle` on."""
-    engine = Engine(Statement.of(scenes.vibrated(300, seed, FLOOR, duration=duration)))
+    engine = Engine(HardSphereProblem.from_scene(scenes.vibrated(300, seed, FLOOR, duration=duration)))
     rows = []
     for t in np.arange(settle, duration, 0.1):
         engine.advance(t)
@@ -28,7 +28,7 @@ def sampled(duration: float, settle: float, seed: int) -> tuple[Engine, np.ndarr
 
 
 def test_the_vibrated_box():
-    # catches: a wrong rule of the floor or of a collision, which no balance sees. Two other programs give
+    # detects: another rule of the floor or of collisions, which no energy balance shows. Two programs give
     # 0.2882 m and 0.1168 J a disk; a mean over T = 200 scatters by 0.14 % and 0.27 %, over 600 by less
     engine, height, kinetic = sampled(640.0, 40.0, seed=1)
     assert height.mean() == pytest.approx(0.2882, abs=0.001)
@@ -38,8 +38,8 @@ def test_the_vibrated_box():
 
 
 def test_balance_of_energy_and_power():
-    # catches: work or loss of any one collision left out; a floor that does not carry the weight
-    engine = Engine(Statement.of(scenes.vibrated(300, 2, FLOOR, duration=300.0)))
+    # detects: work or loss of any one collision left out; a floor that does not carry the weight
+    engine = Engine(HardSphereProblem.from_scene(scenes.vibrated(300, 2, FLOOR, duration=300.0)))
     begin = engine.energy()
     engine.advance(40.0)
     before = engine.sums
@@ -58,16 +58,16 @@ def elastic(count: int, edge: float) -> Engine:
         spacing=pitch / (2 * scenes.RADIUS) * (1 - 1e-9), velocity_rms=1.0,
     )  # fmt: skip
     data = scene.model_dump() | {"particles": lattice.model_dump()}
-    return Engine(Statement.of(type(scene)(**data)))
+    return Engine(HardSphereProblem.from_scene(type(scene)(**data)))
 
 
 @pytest.mark.parametrize("density", [0.2, 0.5])
 def test_equation_of_state(density):
-    # catches: collisions missed or doubled by a share of a per cent (a cell, an image). 0.5 % of Z is the
+    # detects: collisions missed or doubled by a share of a per cent (a cell, an image). 0.5 % of Z is the
     # acceptance; the scatter of some 1e5 collisions and the bias of 1000 spheres are 0.1 % to 0.2 %
     count, d = 1000, 2 * scenes.RADIUS
     engine = elastic(count, (count / density) ** (1 / 3) * d)
-    v = engine.statement.velocity
+    v = engine.problem.velocity
     temperature = float((v * v).mean() - (v.mean(axis=0) ** 2).mean())
     energy, momentum = engine.energy(), v.sum(axis=0)
     engine.advance(0.5)

@@ -5,7 +5,7 @@ import pytest
 
 from gpudem.driver import simulate as run
 from gpudem.errors import GpudemError, SimulationError
-from gpudem.event_driven.simulation import run as run_events
+from gpudem.event_driven.driver import run as run_events
 from gpudem.output.frames import Frames, FrameWriter
 from gpudem.output.run import Run
 from gpudem.output.vtu import Frame

@@ -1,6 +1,6 @@
-"""The slow way, for tests: all pairs at every collision, one clock, no cells, no tree. O(N^2) an event.
+"""Brute-force reference of the event loop: all pairs at every collision, no cells, no tree, O(N^2) an event.
 
-Shares no code with the event loop but the statement: predictions are the textbook roots over whole arrays.
+Shares only `HardSphereProblem` with the event loop: predictions are the textbook roots over whole arrays.
 """
 
 from __future__ import annotations
@@ -10,19 +10,19 @@ import itertools
 
 import numpy as np
 
-from gpudem.event_driven.statement import Statement, Walls
+from gpudem.event_driven.problem import HardSphereProblem, SideWalls
 
 
 @dataclasses.dataclass
-class Slow:
-    """Hard spheres at `time`; `log` holds (time, i, partner) of every collision, a wall as -2 - its side."""
+class BruteForceHardSpheres:
+    """Hard spheres at `time` [s]. `log`: (time, particle, partner) of each collision, a wall as -2 - side."""
 
-    statement: Statement
+    problem: HardSphereProblem
 
     def __post_init__(self) -> None:
-        s = self.statement
+        s = self.problem
         self.x, self.v, self.time = s.position.copy(), s.velocity.copy(), 0.0
-        self.spin, self.inertia = s.spin.copy(), 2 / 5 * s.mass * s.radius**2
+        self.angular_velocity, self.inertia = s.angular_velocity.copy(), 2 / 5 * s.mass * s.radius**2
         self.last = np.full(len(s.radius), -np.inf)
         self.log: list[tuple[float, int, int]] = []
         self.work = self.dissipated = 0.0
@@ -32,16 +32,16 @@ class Slow:
         self._images = np.array(list(itertools.product(*axes))) * (s.hi - s.lo)
 
     def advance(self, t: float, collisions: int | None = None) -> None:
-        """Go on to time t [s], or until the log has so many collisions."""
-        for begin, end, walls in self.statement.segments:
+        """Simulate up to time t [s], or until the log has so many collisions."""
+        for begin, end, walls in self.problem.segments:
             while begin <= self.time < min(end, t):
                 after, i, j = self._next(walls)
                 stop = min(end, t)
                 if self.time + after > stop:
-                    self._fly(stop - self.time)
+                    self._advance_all(stop - self.time)
                     self.time = stop
                     break
-                self._fly(after)
+                self._advance_all(after)
                 self.time += after
                 self._hit_pair(i, j) if j >= 0 else self._hit_wall(i, -2 - j, walls)
                 if collisions is not None and len(self.log) >= collisions:
@@ -50,29 +50,29 @@ class Slow:
     def closest(self) -> float:
         """Largest overlap of any pair now, in sums of radii; negative where none touches."""
         r = np.linalg.norm(self._separation()[:, None, :] + self._images, axis=2).min(axis=1)
-        d = self.statement.radius[self._i] + self.statement.radius[self._j]
+        d = self.problem.radius[self._i] + self.problem.radius[self._j]
         return float(((d - r) / d).max())
 
     def energy(self) -> float:
         """Kinetic and potential energy [J]."""
-        m = self.statement.mass
-        moving = 0.5 * m @ (self.v**2).sum(axis=1) + 0.5 * self.inertia @ (self.spin**2).sum(axis=1)
-        return float(moving - m @ (self.x @ self.statement.gravity))
+        m, w = self.problem.mass, self.angular_velocity
+        kinetic = 0.5 * m @ (self.v**2).sum(axis=1) + 0.5 * self.inertia @ (w**2).sum(axis=1)
+        return float(kinetic - m @ (self.x @ self.problem.gravity))
 
-    def _fly(self, dt: float) -> None:
-        g = self.statement.gravity
+    def _advance_all(self, dt: float) -> None:
+        g = self.problem.gravity
         self.x += self.v * dt + g * (dt * dt / 2)
         self.v += g * dt
 
     def _separation(self) -> np.ndarray:
         r = self.x[self._i] - self.x[self._j]
-        box = np.where(self.statement.periodic, self.statement.hi - self.statement.lo, 1.0)
-        return np.where(self.statement.periodic, r - box * np.round(r / box), r)
+        box = np.where(self.problem.periodic, self.problem.hi - self.problem.lo, 1.0)
+        return np.where(self.problem.periodic, r - box * np.round(r / box), r)
 
-    def _next(self, walls: Walls) -> tuple[float, int, int]:
+    def _next(self, walls: SideWalls) -> tuple[float, int, int]:
         """(time to the next collision, particle, partner)."""
-        s = self.statement
-        best, who, partner = np.inf, -1, -1
+        s = self.problem
+        best, particle, partner = np.inf, -1, -1
         r = self._separation()
         u = self.v[self._i] - self.v[self._j]
         d = s.radius[self._i] + s.radius[self._j]
@@ -85,19 +85,19 @@ class Slow:
                 t = np.where((b < 0) & (q > 0), np.maximum(c, 0) / (np.sqrt(np.maximum(q, 0)) - b), np.inf)
             k = int(np.argmin(t)) if len(t) else -1
             if k >= 0 and t[k] < best:
-                best, who, partner = float(t[k]), int(self._i[k]), int(self._j[k])
+                best, particle, partner = float(t[k]), int(self._i[k]), int(self._j[k])
         for side in np.flatnonzero(walls.present).tolist():
-            moves = walls.stroke[side] > 0
-            t = self._saw_times(side, walls, best) if moves else self._wall_times(side, walls)
+            moves = walls.amplitude[side] > 0
+            t = self._sawtooth_times(side, walls, best) if moves else self._wall_times(side, walls)
             k = int(np.argmin(t))
             if t[k] < best:
-                best, who, partner = float(t[k]), k, -2 - side
-        return best, who, partner
+                best, particle, partner = float(t[k]), k, -2 - side
+        return best, particle, partner
 
-    def _wall_times(self, side: int, walls: Walls) -> np.ndarray:
-        """The smallest root of h + w t + a t^2/2 = 0 at which the particle comes down, by np.roots."""
-        s, sign = self.statement, 1 - 2 * (side % 2)
-        h = (self.x[:, side // 2] - walls.at[side]) * sign - s.radius
+    def _wall_times(self, side: int, walls: SideWalls) -> np.ndarray:
+        """The smallest root of h + w t + a t^2/2 = 0 at which the particle comes down."""
+        s, sign = self.problem, 1 - 2 * (side % 2)
+        h = (self.x[:, side // 2] - walls.position[side]) * sign - s.radius
         w, a = self.v[:, side // 2] * sign, s.gravity[side // 2] * sign
         times = np.full(len(h), np.inf)
         for i in range(len(h)):
@@ -115,12 +115,12 @@ class Slow:
             times[i] = min(down, default=np.inf)
         return times
 
-    def _saw_times(self, side: int, walls: Walls, until: float) -> np.ndarray:
-        """Roots of h + w t + a t^2/2 = U (t - k T) within tooth k: tooth after tooth, to the first hit."""
-        s, sign = self.statement, 1 - 2 * (side % 2)
-        h = (self.x[:, side // 2] - walls.at[side]) * sign - s.radius
+    def _sawtooth_times(self, side: int, walls: SideWalls, until: float) -> np.ndarray:
+        """Roots of h + w t + a t^2/2 = U (t - k T) within period k, period by period, up to the first hit."""
+        s, sign = self.problem, 1 - 2 * (side % 2)
+        h = (self.x[:, side // 2] - walls.position[side]) * sign - s.radius
         w, a = self.v[:, side // 2] * sign, s.gravity[side // 2] * sign
-        speed, period = float(walls.speed[side]), float(walls.stroke[side] / walls.speed[side])
+        speed, period = float(walls.speed[side]), float(walls.amplitude[side] / walls.speed[side])
         k, times = np.floor(self.time / period), np.full(len(h), np.inf)
         until = min(until, s.segments[-1][1] - self.time)
         while k * period - self.time <= until and not np.isfinite(times).any():
@@ -137,35 +137,35 @@ class Slow:
         return times
 
     def _elastic(self, *partners: int) -> bool:
-        return min(self.time - self.last[p] for p in partners) < self.statement.guard
+        return min(self.time - self.last[p] for p in partners) < self.problem.guard
 
-    def _hit_wall(self, i: int, side: int, walls: Walls) -> None:
-        s, normal = self.statement, np.zeros(3)
+    def _hit_wall(self, i: int, side: int, walls: SideWalls) -> None:
+        s, normal = self.problem, np.zeros(3)
         normal[side // 2] = 1 - 2 * (side % 2)
         e, mu = float(walls.restitution[side, s.material[i]]), float(walls.friction[side, s.material[i]])
         motion = float(walls.speed[side]) * normal
-        before = self._moving(i)
+        before = self._kinetic_energy(i)
         impulse = self._impulse(e, mu, normal, motion, i)
         self.work += float(impulse @ motion)
-        self.dissipated += float(impulse @ motion) - (self._moving(i) - before)
+        self.dissipated += float(impulse @ motion) - (self._kinetic_energy(i) - before)
         self.log.append((self.time, i, -2 - side))
 
     def _hit_pair(self, i: int, j: int) -> None:
-        s = self.statement
+        s = self.problem
         e, mu = (float(a[s.material[i], s.material[j]]) for a in (s.restitution, s.friction))
         k = int(np.flatnonzero((self._i == i) & (self._j == j))[0])
         r = self._separation()[k]
-        before = self._moving(i, j)
+        before = self._kinetic_energy(i, j)
         self._impulse(e, mu, r / np.linalg.norm(r), np.zeros(3), i, j)
-        self.dissipated += before - self._moving(i, j)
+        self.dissipated += before - self._kinetic_energy(i, j)
         self.log.append((self.time, i, j))
 
-    def _moving(self, *who: int) -> float:
-        """Kinetic energy [J] of some."""
-        m, k = self.statement.mass, list(who)
+    def _kinetic_energy(self, *particles: int) -> float:
+        """Kinetic and rotational energy [J] of some particles."""
+        m, k = self.problem.mass, list(particles)
         return float(
             0.5 * m[k] @ (self.v[k] ** 2).sum(axis=1)
-            + 0.5 * self.inertia[k] @ (self.spin[k] ** 2).sum(axis=1)
+            + 0.5 * self.inertia[k] @ (self.angular_velocity[k] ** 2).sum(axis=1)
         )
 
     def _impulse(
@@ -175,26 +175,26 @@ class Slow:
 
         The change by an impulse is a matrix at that point: 1/m + (R n) x ( . ) x (R n) / I of each partner.
         """
-        s, partners = self.statement, [i] if j is None else [i, j]
+        s, partners = self.problem, [i] if j is None else [i, j]
         elastic = self._elastic(*partners)
         self.guarded += elastic and (e != 1 or s.rough)
         velocity, response = -motion.astype(float), np.zeros((3, 3))
         for p, sign in zip(partners, (1.0, -1.0), strict=False):
             arm = -sign * s.radius[p] * normal
-            velocity += sign * (self.v[p] + np.cross(self.spin[p], arm))
+            velocity += sign * (self.v[p] + np.cross(self.angular_velocity[p], arm))
             across = arm @ arm * np.eye(3) - np.outer(arm, arm)
             response += np.eye(3) / s.mass[p] + across / self.inertia[p]
         along = velocity @ normal * normal
         push = np.linalg.solve(response, -(1 + (1.0 if elastic else e)) * along)
         total = push
         if s.rough and not elastic:
-            rub = np.linalg.solve(response, -(1 + s.tangential) * (velocity - along))
-            size = float(np.linalg.norm(rub))
-            most = mu * float(np.linalg.norm(push))
-            total = push + (rub if size <= most else rub * most / size)
+            tangential = np.linalg.solve(response, -(1 + s.tangential_restitution) * (velocity - along))
+            size = float(np.linalg.norm(tangential))
+            limit = mu * float(np.linalg.norm(push))
+            total = push + (tangential if size <= limit else tangential * limit / size)
         for p, sign in zip(partners, (1.0, -1.0), strict=False):
             arm = -sign * s.radius[p] * normal
             self.v[p] += sign * total / s.mass[p]
-            self.spin[p] += np.cross(arm, sign * total) / self.inertia[p]
+            self.angular_velocity[p] += np.cross(arm, sign * total) / self.inertia[p]
             self.last[p] = self.time
         return total
