@@ -6,7 +6,7 @@ import pandas
 
 from comparisons.case import Case, Check, Measured, Results, Table
 from comparisons.mutants.recorded import load_record
-from comparisons.mutants.table import load
+from comparisons.mutants.table import Mutation, load
 from comparisons.mutants.trial import CAUGHT, SURVIVED, UNKNOWN
 
 LEAST = 25
@@ -32,10 +32,18 @@ def _count(outcome: str) -> Measured:
 
 
 def not_recorded(results: Results) -> Measured:
-    """Mutations of the table that the record does not contain."""
+    """Mutations of the table that the record does not contain, or only with another operation."""
     record, mutations = load_record(), load()[1]
-    recorded = {row.name for row in record.rows} if record else set()
-    missing = [m.name for m in mutations if m.name not in recorded]
+    rows = {row.name: row.data for row in record.rows} if record else {}
+
+    def recorded(m: Mutation) -> bool:
+        made = rows.get(m.name, {"marker": ""})
+        return (made.get("marker", m.marker), made.get("operation")) in (
+            (m.marker, str(m.operation)),
+            (m.marker, None),  # rows before markers do not tell
+        )
+
+    missing = [m.name for m in mutations if not recorded(m)]
     return Measured(len(missing), measured=len(mutations), note=", ".join(missing))
 
 

@@ -18,7 +18,7 @@ from comparisons.mutants import __main__ as command
 from comparisons.mutants import trial
 from comparisons.mutants.markers import Sources
 from comparisons.mutants.operations import ALLOWED_NAMES, PLACEHOLDER, Operation
-from comparisons.mutants.recorded import load_record
+from comparisons.mutants.recorded import Record, Row, load_record
 from comparisons.mutants.table import TABLE, Mutation, TestSet, load
 from comparisons.mutants.trial import SourceCopy, Verdict
 from gpudem.errors import GpudemError
@@ -431,6 +431,21 @@ def test_records_before_and_after_outcomes_were_stored(tmp_path, monkeypatch):
     monkeypatch.setattr(case, "load_record", lambda: record)
     assert (case.survivors({}).value, case.unknown({}).value) == (1, 2)
     assert list(case.table({})["caught by"]) == ["list", "", "", ""]
+
+
+def test_record_of_another_operation_counts_as_missing(monkeypatch):
+    """Detects a result that is shown for a mutation that has changed since."""
+    first, second, third, *others = MUTATIONS
+    rows = [
+        {"name": first.name, "marker": first.marker, "operation": str(first.operation)},
+        {"name": second.name, "marker": second.marker, "operation": "drop"},
+        {"name": third.name, "wrong": "row of the format before markers"},
+    ]
+    record = Record({}, 0.0, [Row(row["name"], "", "caught", ("t",), row) for row in rows])
+    monkeypatch.setattr(case, "load_record", lambda: record)
+    missing = case.not_recorded({})
+    assert missing.value == len(others) + 1
+    assert missing.note.startswith(f"{second.name}, {others[0].name}")
 
 
 def test_verdict():
