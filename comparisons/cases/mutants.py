@@ -37,11 +37,10 @@ def not_recorded(results: Results) -> Measured:
     rows = {row.name: row.data for row in record.rows} if record else {}
 
     def recorded(m: Mutation) -> bool:
-        made = rows.get(m.name, {"marker": ""})
-        return (made.get("marker", m.marker), made.get("operation")) in (
-            (m.marker, str(m.operation)),
-            (m.marker, None),  # rows before markers do not tell
-        )
+        row = rows.get(m.name)
+        if row is None or "operation" not in row:  # without one: of the format before markers
+            return row is not None
+        return (row["marker"], row["operation"]) == (m.marker, str(m.operation))
 
     missing = [m.name for m in mutations if not recorded(m)]
     return Measured(len(missing), measured=len(mutations), note=", ".join(missing))
