@@ -14,7 +14,7 @@ test: ## the test suite; ARGS="-k scene" to select
 	@bash tools/setup.sh test
 	@.venv/bin/python -m pytest $(ARGS)
 
-mutants: ## break the solver in every way of the table: which check catches each? ARGS=--record keeps it
+mutants: ## mutation testing: which test detects each known defect? ARGS=--record stores the result
 	@bash tools/setup.sh test
 	@.venv/bin/python -m comparisons.mutants $(ARGS)
 

@@ -154,7 +154,7 @@ def _segments(
             continue
         with clock.setup(simulation):
             if restart and first <= restart.step:
-                simulation.load_state_dict(restart.arrays, planes)
+                simulation.load_state_dict(restart.arrays, planes)  # mutate: restart_resume
             else:
                 simulation.start(planes, write=first == 0)
         if first == 0 and recorder.due(0) and not restart:

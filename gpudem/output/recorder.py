@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 
 def bulk(scene: Scene, frame: Frame, mass: np.ndarray, step: int, contacts: int) -> tuple[float, ...]:
     """One row of the history, in the order of HISTORY_COLUMNS; energies [J], front and centre of mass [m]."""
-    inertia = 0.4 * mass * frame["radius"] ** 2
-    centre = mass @ frame["position"] / mass.sum()
+    inertia = 0.4 * mass * frame["radius"] ** 2  # mutate: moments_of_inertia
+    centre = mass @ frame["position"] / mass.sum()  # mutate: centre_of_mass
+    # mutate: history_row
     return (
         step,
         step * scene.time.step,

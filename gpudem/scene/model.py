@@ -152,7 +152,7 @@ class Scene(Model):
     def masses(self) -> np.ndarray:
         """Mass of every particle [kg], 4/3 pi R^3 rho, shape (n,)."""
         density = np.array([m.density for m in self.materials.values()])
-        return 4 / 3 * np.pi * self.state.radius**3 * density[self.state.material]
+        return 4 / 3 * np.pi * self.state.radius**3 * density[self.state.material]  # mutate: particle_masses
 
     @functools.cached_property
     def material_index(self) -> dict[str, int]:
@@ -211,6 +211,7 @@ class Scene(Model):
     def contact_pairs(self) -> list[Pair]:
         """The pairs that can meet in this scene: particle with particle, particle with wall."""
         ours, walls = self.particle_materials, {w.material for w in self.walls}
+        # mutate: pairs_in_contact
         keys = {frozenset((a, b)) for a, b in itertools.product(ours, [*ours, *walls])}
         return [p for p in self.pairs if frozenset(p.materials) in keys]
 
@@ -218,9 +219,12 @@ class Scene(Model):
     def needs(self) -> Needs:
         """Which physics this scene has."""
         state, pairs = self.state, self.contact_pairs
+        # mutate: needs_tangential
         tangential = self.contact.tangential != "off" and any(p.friction > 0 for p in pairs)
+        # mutate: needs_rolling
         rolling = self.contact.rolling != "off" and any(p.rolling_friction > 0 for p in pairs)
         law = self.normal_law
+        # mutate: scene_needs
         return Needs(
             tangential=tangential,
             history=tangential and self.contact.tangential == "history",
@@ -245,7 +249,7 @@ class Scene(Model):
 
     def steps(self, seconds: float) -> int:
         """A time as whole steps."""
-        return round(seconds / self.time.step)
+        return round(seconds / self.time.step)  # mutate: whole_steps
 
     def stride(self, seconds: float | None) -> int | None:
         """An output interval as whole steps, at least one."""
@@ -269,6 +273,7 @@ class Scene(Model):
         walls = self.wall_elements
         events = sorted({self.steps(w.removed_at) for w in walls if w.removed_at is not None})
         edges = [0, *(e for e in events if 0 < e < self.n_steps), self.n_steps]
+        # mutate: planes_of_segments
         return [
             (a, b, [w for w in walls if w.removed_at is None or self.steps(w.removed_at) > a])
             for a, b in itertools.pairwise(edges)

@@ -55,7 +55,7 @@ def read_code(spec: Spec, field: str) -> str:
     fields, (size, word) = body_fields(spec), _word(spec)
     if field not in fields:
         return "return {};"
-    first = 3 * fields.index(field)
+    first = 3 * fields.index(field)  # mutate: first_word
     words = range(first // size, (first + 2) // size + 1)
     loads = "".join(f"const {word} w{k} = __ldg(words + {k});\n" for k in words)
     numbers = ", ".join(f"w{k // size}.{'xyzw'[k % size]}" for k in range(first, first + 3))

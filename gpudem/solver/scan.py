@@ -40,7 +40,7 @@ def group_starts(
     at = begin[g] + wp.int32(0)
     for k in range(g * GROUP, wp.min(g * GROUP + GROUP, n)):
         value = values[k]
-        starts[k] = at
+        starts[k] = at  # mutate: scan_start
         at += value
 
 

@@ -77,8 +77,10 @@ def _particles_struct(real: Any, vec3: Any, wide: Any, wide3: Any) -> Any:
         start: wp.array[wp.int32]  # first list entry of each particle, (n + 1,)
         wall_start: wp.array[wp.int32]  # first of them that is a wall, (n,)
         neighbor: wp.array[wp.int32]  # particle j or wall n + w; -that - 1: in contact in the last step
-        spring: wp.array[vec3]  # shear spring of each entry [m], (capacity,)
+        spring: wp.array[vec3]  # shear spring of each entry [m], (capacity,)  # mutate: spring_array
+        # mutate: rolling_torque_array
         rolling_torque: wp.array[vec3]  # stored for each entry [N m], (capacity,)
+        # mutate: rise_array
         rise: wp.array[wide]  # of a fast floor since the contact began [m], -1 apart, (capacity,)
         partial_force: wp.array[vec3]  # from particles before it in its block [N], (n,); half list only
         partial_torque: wp.array[vec3]  # [N m], (n,), likewise

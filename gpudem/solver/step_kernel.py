@@ -62,12 +62,13 @@ def particle_reader(spec: Spec) -> SimpleNamespace:
     @wp.func
     def mass_of(params: Params, particles: Particles, j: wp.int32):
         if wp.static(spec.per_particle_mass):
-            return particles.mass[j]
+            return particles.mass[j]  # mutate: particle_mass
         return params.mass
 
     @wp.func
     def pair_of(params: Params, particles: Particles, laws: Laws, material: wp.int32, j: wp.int32):
         if wp.static(spec.multi_material):
+            # mutate: pair_coefficients
             return laws.pairs[material * params.materials + particles.material[j]]
         return laws.pair
 
@@ -111,7 +112,7 @@ def entry_access(spec: Spec) -> SimpleNamespace:
         """Mark that the two of an entry are not in contact."""
         if wp.static(spec.contact_history):
             if entry < 0:
-                put_int(particles.neighbor, k, other)
+                put_int(particles.neighbor, k, other)  # mutate: forget_contact
 
     @wp.func
     def spring(particles: Particles, k: wp.int32, entry: wp.int32):
@@ -137,7 +138,7 @@ def entry_access(spec: Spec) -> SimpleNamespace:
                     put(particles.spring, k, spring)
                 if wp.static(spec.rolling_history):
                     put(particles.rolling_torque, k, rolling)
-                if entry >= 0:
+                if entry >= 0:  # mutate: remember_contact
                     put_int(particles.neighbor, k, -other - 1)
 
     return SimpleNamespace(partner=partner, part=part, spring=spring, rolling=rolling, store=store)
@@ -163,37 +164,38 @@ def step_end(spec: Spec) -> Any:
         kick = params.kick
         spin_kick = params.spin_kick
         if wp.static(spec.per_particle_mass):
-            kick = real(0.5) * params.dt / mass
+            kick = real(0.5) * params.dt / mass  # mutate: half_kick
+            # mutate: half_spin_kick
             spin_kick = real(0.5) * params.dt / (real(0.4) * real(radius) * real(radius) * mass)
         second_kick = kick
-        second_spin_kick = spin_kick
+        second_spin_kick = spin_kick  # mutate: second_spin_kick
         if mode & SETUP:
-            second_kick = real(0.0)
+            second_kick = real(0.0)  # mutate: no_kick_at_setup
             second_spin_kick = real(0.0)
-        v = v + to_wide(second_kick * force)
+        v = v + to_wide(second_kick * force)  # mutate: second_kick
         if wp.static(spec.rotation):
             w = w + to_wide(second_spin_kick * torque)
         if mode & WRITE:
-            output.velocity[i] = v
+            output.velocity[i] = v  # mutate: velocity_of_frame
             output.force[i] = force
             output.contacts[i] = contacts
             if wp.static(spec.rotation):
                 output.angular_velocity[i] = w
                 output.torque[i] = torque
-        v = v + to_wide(kick * force)
+        v = v + to_wide(kick * force)  # mutate: first_kick
         x = x + params.dt_wide * v
         if wp.static(spec.rotation):
             w = w + to_wide(spin_kick * torque)
         v_next = v
         w_next = w
         if wp.static(spec.path):
-            v_next = v + to_wide(real(2.0) * kick * force)
+            v_next = v + to_wide(real(2.0) * kick * force)  # mutate: velocity_ahead
             if wp.static(spec.rotation):
                 w_next = w + to_wide(real(2.0) * spin_kick * torque)
         put_body(after, i, x, v, w, v_next, w_next)
         shift = x - get_wide(particles.x_at_rebuild, i)
         if not (wp.dot(shift, shift) <= params.move_limit):  # true for NaN too
-            particles.rebuild_pending[launch + 1] = 1
+            particles.rebuild_pending[launch + 1] = 1  # mutate: ask_rebuild
             particles.rebuild_requested[launch + 1] = 1
 
     return end_step
@@ -259,7 +261,7 @@ def step_kernel(spec: Spec) -> Any:
             material = particles.material[i]
         dt = params.dt
         if mode & SETUP:
-            dt = real(0.0)
+            dt = real(0.0)  # mutate: no_time_at_setup
         v_next, w_next = v, w
         if wp.static(spec.path):
             v_next, w_next = velocity_ahead(now, i, mode), spin_ahead(now, i, mode)
@@ -268,7 +270,7 @@ def step_kernel(spec: Spec) -> Any:
         if wp.static(spec.half_list):
             block_end = (i // params.block + 1) * params.block
             force = get(particles.partial_force, i)
-            put(particles.partial_force, i, vec3())
+            put(particles.partial_force, i, vec3())  # mutate: force_of_block_taken
             if wp.static(spec.rotation):
                 torque = get(particles.partial_torque, i)
                 put(particles.partial_torque, i, vec3())
@@ -289,43 +291,43 @@ def step_kernel(spec: Spec) -> Any:
             if not (rsq < reach * reach):
                 part(particles, k, entry, j)
                 if wp.static(spec.path):  # may overlap half a step before or after
-                    reach += wide(0.5) * params.skin
+                    reach += wide(0.5) * params.skin  # mutate: path_reach
                     if rsq < reach * reach and not (mode & SETUP):
+                        # mutate: pair_at_edge
                         c = sphere_contact(d, rsq, radius, radius_j, mass, mass_of(params, particles, j))
                         v_rel, v_rel_next = v - velocity_of(now, j), v_next - velocity_ahead(now, j, mode)
+                        # mutate: pair_edge_force
                         f = damping_apart(
                             c, v_rel, v_rel_next, pair_of(params, particles, laws, material, j), dt
                         )
                         force += f
                         if wp.static(spec.half_list):
                             if j > i and j < block_end:
-                                subtract(particles.partial_force, j, f)
+                                subtract(particles.partial_force, j, f)  # mutate: partner_edge_force
                 continue
             c = sphere_contact(d, rsq, radius, radius_j, mass, mass_of(params, particles, j))
-            lever_j = real(radius_j) - real(0.5) * c.overlap
+            lever_j = real(radius_j) - real(0.5) * c.overlap  # mutate: partner_lever
             v_rel, w_j = v - velocity_of(now, j), spin_of(now, j)
             v_rel_next, w_j_next = v_rel, w_j
             if wp.static(spec.path):
                 v_rel_next, w_j_next = v_next - velocity_ahead(now, j, mode), spin_ahead(now, j, mode)
             if wp.static(spec.rotation):
                 c.spin = to_real(w - w_j)
+            # mutate: pair_forces
             f, n_cross_ft, spring, rolling = resolve(
                 c, v_rel, v_rel_next, w, w_next, w_j, w_j_next, lever_j,
                 pair_of(params, particles, laws, material, j), spring_of(particles, k, entry),
                 rolling_of(particles, k, entry), dt, params.dt,
             )  # fmt: skip
             force += f
-            torque -= c.lever * n_cross_ft + rolling
+            torque -= c.lever * n_cross_ft + rolling  # mutate: pair_torque
             contacts += 1
             if wp.static(spec.half_list):
                 if j > i and j < block_end:
-                    subtract(particles.partial_force, j, f)
+                    subtract(particles.partial_force, j, f)  # mutate: partner_force
                     if wp.static(spec.rotation):
-                        subtract(
-                            particles.partial_torque,
-                            j,
-                            lever_j * n_cross_ft - rolling,
-                        )
+                        torque_j = rolling - lever_j * n_cross_ft  # mutate: partner_torque
+                        subtract(particles.partial_torque, j, -torque_j)
                     contacts += 1
             store(particles, k, entry, j, spring, rolling, mode)
 
@@ -340,33 +342,37 @@ def step_kernel(spec: Spec) -> Any:
                 v_wall, place = wide3(), x
                 if wp.static(spec.moving_walls):
                     v_wall = walls.velocity[wall]
-                    place = x - walls.displacement[launch * params.walls + wall]
+                    place = x - walls.displacement[launch * params.walls + wall]  # mutate: wall_displacement
                 gap, normal = surface(walls, wall, place)
                 if wp.static(spec.moving_walls):
                     gap = fast_gap(params, walls, particles, k, wall, gap, normal, radius, v, dt)
-                wall_pair = laws.wall_pairs[wall * params.materials + material]
+                wall_pair = laws.wall_pairs[wall * params.materials + material]  # mutate: wall_coefficients
                 if not (gap <= contact_gap):
                     part(particles, k, entry, other)
                     if wp.static(spec.path):
                         if not (mode & SETUP):
                             c = wall_contact(gap, normal, radius, mass, w)
+                            # mutate: wall_edge_force
                             force += damping_apart(c, v - v_wall, v_next - v_wall, wall_pair, dt)
                     continue
                 c = wall_contact(gap, normal, radius, mass, w)
+                # mutate: wall_forces
                 f, n_cross_ft, spring, rolling = resolve(
                     c, v - v_wall, v_next - v_wall, w, w_next, wide3(), wide3(), real(0.0), wall_pair,
                     spring_of(particles, k, entry), rolling_of(particles, k, entry), dt, params.dt,
                 )  # fmt: skip
                 force += f
-                torque -= c.lever * n_cross_ft + rolling
+                torque -= c.lever * n_cross_ft + rolling  # mutate: wall_torque
+                # mutate: wall_contact_count
                 contacts += 2  # a contact with a particle is counted from both sides
                 if wp.static(spec.moving_walls):
                     if not (mode & SETUP):
+                        # mutate: work_of_floor
                         particles.wall_work[i] += wp.float64(wp.dot(to_wide(f), v_wall) * params.dt_wide)
                 store(particles, k, entry, other, spring, rolling, mode)
 
         if wp.static(spec.gravity):
-            force += mass * params.gravity
+            force += mass * params.gravity  # mutate: gravity
         end_step(
             params, mode, launch, i, x, v, w, radius, mass, force, torque, contacts, particles, after, output
         )

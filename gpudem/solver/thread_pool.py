@@ -52,6 +52,7 @@ class CpuThreadPool:
         self, kernel: Any, params: Any, inputs: list[Any], outputs: list[Any]
     ) -> Callable[[], None]:
         """A call that runs `kernel(params, begin, *inputs, *outputs)` over all particles."""
+        # mutate: slice_launch
         launches = [
             wp.launch(
                 kernel,
