@@ -12,7 +12,7 @@ from gpudem.event_driven import events as k
 from gpudem.event_driven.all_pairs import all_pairs
 from gpudem.event_driven.kernels import kernels
 from gpudem.event_driven.statement import SIDES, Statement, Walls
-from gpudem.solver.device import find_device
+from gpudem.solver.device import compile_kernels, find_device
 
 #: Events of one launch, some 40 ms: time to look at the clock, for Ctrl-C and for progress.
 CHUNK = 100_000
@@ -87,6 +87,7 @@ class Engine:
             if statement.periodic.any():
                 raise SimulationError("search = 'pairs': sees no images over periodic sides")
             self._advance = all_pairs(saw, statement.rough)
+        compile_kernels(self._device, (self._start, self._advance))
         diameter = 2 * float(statement.radius.max())
         edge = EDGE * diameter if cell_edge is None else cell_edge
         if edge < diameter:

@@ -2,8 +2,6 @@
 
 import warp as wp
 
-import gpudem.solver.device  # noqa: F401  (Warp is configured before its first kernel)
-
 real, vec3 = wp.float64, wp.vec3d
 FAR = wp.constant(wp.float64(1e300))
 #: `partner` of a particle that hits nothing; a wall is WALL - side, sides in order xlo, xhi, ylo, ...

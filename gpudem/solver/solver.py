@@ -22,7 +22,7 @@ from gpudem.output.vtu import Frame
 from gpudem.scene import Scene
 from gpudem.scene.sections import Wall
 from gpudem.solver import guards
-from gpudem.solver.device import cores, find_device
+from gpudem.solver.device import compile_kernels, find_device
 from gpudem.solver.neighbor_list import NeighborList, block_size, cell_grid, layers_of_cells
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import State
@@ -142,9 +142,7 @@ class Solver:
 
     def _compile(self) -> float:
         begin = time.perf_counter()
-        modules = dict.fromkeys(k.module for k in (self.kernel, *self.neighbors.kernels.values()))
-        threads = 1 if self.device.is_cpu else 256
-        wp.force_load(self.device, list(modules), block_dim=threads, max_workers=cores())
+        compile_kernels(self.device, (self.kernel, *self.neighbors.kernels.values()))
         return time.perf_counter() - begin
 
     def _invalidate_launches(self) -> None:
