@@ -15,7 +15,7 @@ from gpudem.output.vtu import PVD, Frame
 from gpudem.scene import Scene
 
 ENDINGS = (".gif", ".mp4")
-NO_MP4 = "MP4 needs the package imageio-ffmpeg: pip install imageio-ffmpeg (or end the file in .gif)"
+NO_MP4 = "MP4 needs the package imageio-ffmpeg: pip install 'gpudem[video]' (or end the file in .gif)"
 UNITS = {"speed": "m/s", "radius": "m", "velocity": "m/s", "force": "N", "torque": "N m"}
 #: Where a domain is open far upwards: so many of the particles are seen in every frame, and so much above.
 SEEN, HEADROOM = 0.9, 1.15

@@ -94,7 +94,7 @@ def test_the_command(tmp_path, capsys):
 
 def test_mp4_says_what_to_install(hard, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    with pytest.raises(GpudemError, match="pip install imageio-ffmpeg"):
+    with pytest.raises(GpudemError, match=r"pip install .gpudem\[video\]"):
         animate.animate(hard, tmp_path / "film.mp4")
 
 
