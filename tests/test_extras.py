@@ -1,7 +1,7 @@
 """Packages of an extra that are not installed: one line that says how to install them.
 
-Catches: a traceback in the place of that line, in the command and in the library; a package added to an extra of
-pyproject.toml and forgotten in the table that the line is made of; an error of another kind hidden by it.
+Catches: a traceback in the place of that line, in the command and in the library; a package added to an extra
+of pyproject.toml and forgotten in the table that the line is made of; an error of another kind hidden by it.
 """
 
 import re
