@@ -1,3 +1,4 @@
+# pyright: reportIndexIssue=false
 """The memory bandwidth of a device, measured: the ceiling of a step that moves so many bytes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# pyright: reportArgumentType=false, reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false
 """Hard disks by time steps: move, find overlapping pairs, apply the rule of collision, repeat.
 
 Two rules. The right one sets overlapping disks apart and turns back those that approach, each pair once in a

@@ -1,3 +1,4 @@
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
 """The first rung of the ladder: all pairs at every event, one clock, no cells, no tree. O(N^2) an event.
 
 For comparisons of cost, with the rules and the compiler of the event loop. Sides are not periodic.

@@ -244,8 +244,8 @@ class Engine:
         while leaves < n:
             leaves *= 2
         e.n, e.leaves, e.log_size, e.guard = n, leaves, log, s.guard
-        e.gravity, e.lo, e.edge = wp.vec3d(s.gravity), wp.vec3d(s.lo), wp.vec3d(self.edge)
-        e.size, e.cells = wp.vec3d(s.hi - s.lo), wp.vec3i(*self.cells.tolist())
+        e.gravity, e.lo, e.edge = wp.vec3d(*s.gravity), wp.vec3d(*s.lo), wp.vec3d(*self.edge)
+        e.size, e.cells = wp.vec3d(*(s.hi - s.lo)), wp.vec3i(*self.cells.tolist())
         e.reach, e.periodic = (
             wp.vec3i(*(~s.layer).astype(int).tolist()),
             wp.vec3i(*s.periodic.astype(int).tolist()),

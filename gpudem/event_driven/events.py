@@ -1,3 +1,4 @@
+# pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportInvalidTypeForm=false
 """What the event loop works on: its arrays, its cells, and the times at which free flight ends."""
 
 import warp as wp

@@ -1,3 +1,4 @@
+# pyright: reportArgumentType=false, reportGeneralTypeIssues=false, reportIndexIssue=false, reportInvalidTypeForm=false
 """The event loop of hard disks and spheres: one thread goes from collision to collision, in float64.
 
 Each particle has a clock of its own and lies in a linked list of its cell. Its next collision (partner, time)

@@ -1,3 +1,4 @@
+# pyright: reportArgumentType=false, reportGeneralTypeIssues=false, reportIndexIssue=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 """The rules of collision of hard spheres, and their books: work, dissipation, counts, the log.
 
 Smooth spheres: J_n = (1 + e) m* u_n along the line of centres. Rough ones (Walton, in Particulate Two-Phase

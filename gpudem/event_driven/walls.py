@@ -1,3 +1,4 @@
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
 """When a particle comes to a wall: at rest, the limit of a fast floor, or a saw-tooth."""
 
 import functools
