@@ -51,11 +51,14 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
             pytest.skip(missing)
 
 
+@pytest.hookimpl(tryfirst=True)  # before -m selects
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         parameters: dict[str, Any] = item.callspec.params if hasattr(item, "callspec") else {}
         if parameters.get("case_check", ("",))[0] in TIMED_CASES:
             item.add_marker("timing")
+        if "case_check" in parameters:
+            item.add_marker("cases")
 
 
 @pytest.hookimpl(wrapper=True)

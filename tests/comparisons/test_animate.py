@@ -16,6 +16,8 @@ from gpudem.scene import Output, Scene
 from reference import liggghts
 from tests.event_driven import scenes
 
+pytestmark = pytest.mark.long
+
 FRAMES = 4
 
 
