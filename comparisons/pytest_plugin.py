@@ -130,8 +130,11 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     """Bring the report to its end, also after Ctrl-C."""
     harness = session.config.stash[_HARNESS]
     harness.close()
-    if harness.session is not None and hasattr(session.config, "workeroutput"):
-        session.config.workeroutput[REPORT] = str(harness.session.directory)
+    output: dict[str, str] | None = getattr(
+        session.config, "workeroutput", None
+    )  # of a worker of pytest-xdist
+    if harness.session is not None and output is not None:
+        output[REPORT] = str(harness.session.directory)
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from gpudem.solver.device import compile_kernels, find_device
-from gpudem.solver.thread_pool import Crew
+from gpudem.solver.thread_pool import CpuThreadPool
 
 #: Doubles of each of the two arrays: 512 MiB together, far more than any cache holds.
 LENGTH = 1 << 25
@@ -38,13 +38,13 @@ def bandwidth(device: str, cores: int, repeats: int = 5) -> float:
     where = find_device(device)
     compile_kernels(where, [_copy])
     source, target = (wp.array(np.ones(LENGTH), device=where) for _ in range(2))
-    crew = Crew(LENGTH, LENGTH // 64, where, cores)
-    launch = crew.command(_copy, wp.float64(0.5), [source], [target])
+    pool = CpuThreadPool(LENGTH, LENGTH // 64, where, cores)
+    launch = pool.record_launch(_copy, wp.float64(0.5), [source], [target])
     rates = []
     for _ in range(repeats + 1):
         begin = time.perf_counter()
         launch()
         wp.synchronize_device(where)
         rates.append(16 * LENGTH / (time.perf_counter() - begin))
-    crew.close()
+    pool.close()
     return statistics.median(rates[1:])

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from gpudem.errors import SceneError
 from gpudem.scene import Plane, Scene
-from gpudem.scene.sections import Side
+from gpudem.scene.sections import Side, Wall
 
 SIDES: tuple[Side, ...] = ("xlo", "xhi", "ylo", "yhi", "zlo", "zhi")
 #: Shortest period of a vibrating wall, by the length of the run: the clock must tell where in a tooth it is.
@@ -98,8 +98,8 @@ class Statement:
             raise SceneError(f"{scene.name} (event-driven)", found)
         lo, hi = np.array(scene.domain.lo), np.array(scene.domain.hi)
         segments = tuple(
-            (a * scene.time.step, b * scene.time.step, _walls(planes, scene, restitution, friction))
-            for a, b, planes in scene.segments
+            (a * scene.time.step, b * scene.time.step, _walls(walls, scene, restitution, friction))
+            for a, b, walls in scene.segments
         )
         flat = np.ptp(state.position, axis=0) == 0
         still = ~state.velocity.any(axis=0) & (np.array(scene.gravity) == 0)
@@ -183,6 +183,9 @@ def _unstatable(scene: Scene, guard: float, tangential: float | None) -> list[st
         found.append("pairs.rolling_friction: a collision takes no time; set contact.rolling = 'off'")
     if scene.output.restart_every:
         found.append("output.restart_every: the event-driven engine writes no restart files")
+    for wall in scene.wall_elements:
+        if not isinstance(wall, Plane):
+            found.append(f"walls.{wall.name}.kind = {wall.kind!r}: the event-driven engine knows planes only")
     for plane in scene.planes:
         side = _axis_side(plane)
         if side is None:
@@ -213,10 +216,10 @@ def _unstatable_motion(scene: Scene) -> list[str]:
     return found
 
 
-def _walls(planes: list[Plane], scene: Scene, restitution: np.ndarray, friction: np.ndarray) -> Walls:
+def _walls(walls: list[Wall], scene: Scene, restitution: np.ndarray, friction: np.ndarray) -> Walls:
     present, at, speed, stroke = np.zeros(6, bool), np.zeros(6), np.zeros(6), np.zeros(6)
     e, mu, names = np.ones((6, len(restitution))), np.zeros((6, len(restitution))), [""] * 6
-    for plane in planes:
+    for plane in (wall for wall in walls if isinstance(wall, Plane)):  # `_unstatable` refuses the others
         side = _axis_side(plane)
         if side is None:
             continue

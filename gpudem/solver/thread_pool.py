@@ -16,7 +16,7 @@ from typing import Any
 import warp as wp
 
 from gpudem.errors import GpudemError, SimulationError
-from gpudem.solver.device import cores
+from gpudem.solver.device import compile_kernels, cores, find_device
 
 
 class CpuThreadPool:
@@ -135,6 +135,7 @@ def require_serial_launches() -> None:
 
     Raises SimulationError where this Warp does not.
     """
+    compile_kernels(find_device("cpu"), [take_turns])
     turn, out_of_turn = (wp.zeros(1, dtype=wp.int32, device="cpu") for _ in range(2))
     wp.launch(take_turns, 100_000, inputs=[turn], outputs=[out_of_turn], device="cpu")
     if out_of_turn.numpy()[0]:
