@@ -158,7 +158,7 @@ class Solver:
         """
         if self.step_count > 0:
             self._take_full_step_velocities()
-            self._choose_order(self.state.now.numpy()["position"])
+            self._choose_order(self.state.now.numpy()["position"])  # pyright: ignore[reportCallIssue, reportArgumentType]
             self.pool.partition(self.params.block)
         self._set_walls(planes)
         self._move_walls(self.step_count)
@@ -294,7 +294,7 @@ class Solver:
     def _take_full_step_velocities(self) -> None:
         bodies = self.state.now.numpy()
         for name in ("velocity", *(["angular_velocity"] * self.spec.rotation)):
-            bodies[name] = getattr(self.state.output, name).numpy()
+            bodies[name] = getattr(self.state.output, name).numpy()  # pyright: ignore[reportCallIssue, reportArgumentType]
         self.state.now.assign(bodies)
 
     # -- restart -------------------------------------------------------------------------------------------

@@ -1,3 +1,4 @@
+# pyright: reportInvalidTypeForm=false, reportOptionalCall=false
 """The step kernel: contact forces of one particle, its second half kick, its next first half kick and drift.
 
 One thread a particle. With a full list both sides of a contact are computed separately, so nothing is added

@@ -1,3 +1,4 @@
+# pyright: reportIndexIssue=false, reportOperatorIssue=false
 """Launches over all particles, cut into slices for the cores of the CPU; one launch on a CUDA device.
 
 Warp runs a CPU launch on one core and releases Python's lock meanwhile, so a few threads, each with its own
@@ -65,7 +66,7 @@ class CpuThreadPool:
             for begin, end in self.slices
         ]
         if len(launches) == 1:
-            return launches[0].launch
+            return launches[0].launch  # pyright: ignore[reportOptionalMemberAccess]
         return functools.partial(self._run, launches)
 
     def _run(self, launches: list[Any]) -> None:
