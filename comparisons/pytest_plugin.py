@@ -130,9 +130,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     """Bring the report to its end, also after Ctrl-C."""
     harness = session.config.stash[_HARNESS]
     harness.close()
-    output: dict[str, str] | None = getattr(
-        session.config, "workeroutput", None
-    )  # of a worker of pytest-xdist
+    output: dict[str, str] | None = getattr(session.config, "workeroutput", None)  # of pytest-xdist
     if harness.session is not None and output is not None:
         output[REPORT] = str(harness.session.directory)
 

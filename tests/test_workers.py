@@ -46,15 +46,17 @@ def worker(tmp_path):
 
 
 def end(process, after):
-    """Ask a worker to end in so many seconds; the thread that does."""
+    """Ask a worker to end in so many seconds: (thread that does, event that is set when it does)."""
+    asked = threading.Event()
 
     def ask():
+        asked.set()
         process.stdin.write("\n")
         process.stdin.flush()
 
     timer = threading.Timer(after, ask)
     timer.start()
-    return timer
+    return timer, asked
 
 
 @pytest.mark.parametrize(
@@ -64,10 +66,10 @@ def end(process, after):
 def test_which_pairs_wait(worker, tmp_path, first, exclusive, waits):
     other = worker(first)
     assert other.stdout.readline() == "in\n"
-    ending = end(other, 0.1)
+    timer, asked = end(other, 0.1 if waits else 1.0)
     with machine(tmp_path / "lock", exclusive=exclusive):
-        waited = ending.finished.is_set()
-    ending.join()
+        waited = asked.is_set()
+    timer.join()
     assert waited == waits
 
 
@@ -75,11 +77,11 @@ def test_the_next_test_does_not_overtake_one_that_waits(worker, tmp_path):
     other, timed = worker("shared"), worker("alone")
     assert other.stdout.readline() == "in\n"
     time.sleep(0.1)  # by now the second waits
-    endings = end(other, 0.1), end(timed, 0.2)
+    (first, _), (second, asked) = end(other, 0.1), end(timed, 0.2)
     with machine(tmp_path / "lock", exclusive=False):
-        waited = endings[1].finished.is_set()
-    for ending in endings:
-        ending.join()
+        waited = asked.is_set()
+    first.join()
+    second.join()
     assert waited
 
 
