@@ -6,7 +6,6 @@ Exit codes: 0 all checks hold, 1 a check fails, 2 bad input, 3 a code could not 
 from __future__ import annotations
 
 import signal
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,9 @@ import click
 
 from comparisons import codes
 from comparisons.case import TIERS
+from gpudem._version import __version__
 from gpudem.errors import GpudemError, SceneError
+from gpudem.extras import from_extra
 
 BAD_INPUT, COULD_NOT_RUN, INTERRUPTED = 2, 3, 130
 
@@ -35,7 +36,7 @@ SCENE = click.argument("scene", type=click.Path(path_type=Path))
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
-@click.version_option(package_name="gpudem")
+@click.version_option(__version__)
 def app() -> None:
     """Discrete element method on NVIDIA Warp, cross-validated against LIGGGHTS."""
 
@@ -217,7 +218,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return its exit code; our own errors are printed without traceback."""
     signal.signal(signal.SIGTERM, _interrupt)
     try:
-        return app.main(arguments, prog_name="gpudem", standalone_mode=False) or 0
+        with from_extra():  # commands import what they need
+            return app.main(arguments, prog_name="gpudem", standalone_mode=False) or 0
     except SceneError as error:
         click.echo(str(error), err=True)
         return BAD_INPUT
@@ -234,8 +236,3 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _interrupt(signum: int, frame: Any) -> None:
     raise KeyboardInterrupt
-
-
-def entry() -> None:
-    """The `gpudem` command."""
-    sys.exit(main())

@@ -69,9 +69,10 @@ def gpus() -> list[str]:
     """Names of the CUDA devices that Warp sees; empty without one."""
     import warp
 
-    import gpudem.solver.device  # noqa: F401  (sets Warp up before its first use)
+    from gpudem.solver.device import quiet
 
-    warp.init()
+    with quiet():
+        warp.init()
     return [f"{d.name} ({d.total_memory / 2**30:.0f} GiB, sm_{d.arch})" for d in warp.get_cuda_devices()]
 
 

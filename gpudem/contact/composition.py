@@ -40,8 +40,8 @@ def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, p
     """
     stiffness = registry.law("normal", normal).stiffness
     damping_over_step = mean_damping(normal)
-    tangential_law = registry.find("tangential", tangential)
-    rolling_law = registry.find("rolling", rolling)
+    tangential_law: Any = registry.find("tangential", tangential)
+    rolling_law: Any = registry.find("rolling", rolling)
     tangential_force = tangential_law.force if tangential_law else None
     rolling_torque_of = rolling_law.torque if rolling_law else None
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gpudem.errors import GpudemError
+from gpudem.scene.sections import Box
 from gpudem.scene.time_step import USUAL_CONTACT, USUAL_RAYLEIGH, contact_time, rayleigh_time
 
 if TYPE_CHECKING:
@@ -135,7 +136,7 @@ def _domain(scene: Scene) -> list[str]:
 def _walls(scene: Scene) -> list[str]:
     found = []
     for i, wall in enumerate(scene.walls):
-        if wall.kind == "box":
+        if isinstance(wall, Box):
             lo, hi = wall.lo or scene.domain.lo, wall.hi or scene.domain.hi
             if not all(b > a for a, b in zip(lo, hi, strict=True)):
                 found.append(f"walls[{i}].hi = {hi}: must be above lo = {lo} in x, y and z [m]")

@@ -7,7 +7,7 @@ import difflib
 import json
 import tomllib
 import typing
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -24,7 +24,7 @@ AnyModel = TypeVar("AnyModel", bound=BaseModel)
 class OneOf:
     """Metadata of a field that takes one of several sections, found when asked for: name -> class."""
 
-    sections: Callable[[], dict[str, type[BaseModel]]]
+    sections: Callable[[], Mapping[str, type[BaseModel]]]
 
 
 def read_toml(path: Path) -> dict[str, Any]:

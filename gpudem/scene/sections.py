@@ -335,7 +335,10 @@ def _wall_section(value: Any) -> Any:
     return TypeAdapter(section).validate_python(value)
 
 
-WallSection = Annotated[SerializeAsAny[Model], PlainValidator(_wall_section), OneOf(wall_sections)]
+if TYPE_CHECKING:
+    WallSection = Wall | Box
+else:
+    WallSection = Annotated[SerializeAsAny[Model], PlainValidator(_wall_section), OneOf(wall_sections)]
 
 
 class Domain(Model):

@@ -1,3 +1,4 @@
+# pyright: reportInvalidTypeForm=false
 """The struct `Body`: what moves of a particle, side by side in memory, and how a step reads and writes it.
 
 position [m]; velocity [m/s], angular_velocity [rad/s]: half a step behind it; velocity_ahead,

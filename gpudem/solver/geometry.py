@@ -1,3 +1,4 @@
+# pyright: reportInvalidTypeForm=false
 """From positions and velocities to a `Contact`, and from it to forces: one procedure for pairs and walls."""
 
 import functools

@@ -1,3 +1,4 @@
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportIndexIssue=false, reportInvalidTypeForm=false, reportOperatorIssue=false, reportOptionalCall=false
 """Kernels of a rebuild: cells, sorted order, list of neighbors and walls with skin, contact history.
 
 Rebuilding: cell of each particle -> stable sort -> particle arrays re-ordered -> entries counted, offsets

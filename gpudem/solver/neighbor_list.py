@@ -75,6 +75,8 @@ class NeighborList:
     `when` gives the time of an error in words.
     """
 
+    neighbor: Any
+
     def __init__(self, scene: Scene, state: State, params: Any, pool: CpuThreadPool):
         self.state, self.params, self.pool, self.scene = state, params, pool, scene
         self._host_rebuilds = 0

@@ -1,3 +1,4 @@
+# pyright: reportIndexIssue=false
 """Exclusive prefix sums for a branch of a CUDA graph, where Warp's own, which allocates, must not stand."""
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from gpudem.output.vtu import Frame
 from gpudem.scene import Scene
 from gpudem.scene.sections import Wall
 from gpudem.solver import guards
-from gpudem.solver.device import cores, find_device
+from gpudem.solver.device import compile_kernels, find_device
 from gpudem.solver.neighbor_list import NeighborList, block_size, cell_grid, layers_of_cells
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import State
@@ -144,9 +144,7 @@ class Solver:
 
     def _compile(self) -> float:
         begin = time.perf_counter()
-        modules = dict.fromkeys(k.module for k in (self.kernel, *self.neighbors.kernels.values()))
-        threads = 1 if self.device.is_cpu else 256
-        wp.force_load(self.device, list(modules), block_dim=threads, max_workers=cores())
+        compile_kernels(self.device, (self.kernel, *self.neighbors.kernels.values()))
         return time.perf_counter() - begin
 
     def _invalidate_launches(self) -> None:
@@ -162,7 +160,8 @@ class Solver:
         """
         if self.step_count > 0:
             self._take_full_step_velocities()
-            self._choose_order(self.state.now.numpy()["position"])
+            bodies: Any = self.state.now.numpy()
+            self._choose_order(bodies["position"])
             self.pool.partition(self.params.block)  # mutate: slices_of_new_blocks
         self._set_walls(planes)
         self._move_walls(self.step_count)
@@ -296,7 +295,7 @@ class Solver:
         self._launches[key]()
 
     def _take_full_step_velocities(self) -> None:
-        bodies = self.state.now.numpy()
+        bodies: Any = self.state.now.numpy()
         for name in ("velocity", *(["angular_velocity"] * self.spec.rotation)):
             bodies[name] = getattr(self.state.output, name).numpy()  # mutate: velocities_at_gate
         self.state.now.assign(bodies)

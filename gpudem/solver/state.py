@@ -1,3 +1,4 @@
+# pyright: reportInvalidTypeForm=false
 """The device arrays of one run, with unit and shape for each; an array that the scene does not need is None.
 
 n particles in sorted (cell) order, m walls. Arrays that are None are null on the device: no kernel built for
@@ -130,7 +131,7 @@ class State:
         Body = body_struct(spec)
         bodies = np.zeros(self.n, dtype=Body.numpy_dtype())
         for name in ("position", "velocity", *(["angular_velocity"] * spec.rotation)):
-            bodies[name] = getattr(initial, name)
+            bodies[name] = getattr(initial, name)  # pyright: ignore[reportCallIssue, reportArgumentType]
         self.now = wp.array(bodies, dtype=Body, device=device)
         self.next = wp.zeros_like(self.now)
         self.particles = self._particles(scene, chunk, t)
@@ -186,8 +187,8 @@ class State:
         if self.device.is_cuda:
             return array.numpy()
         if array.ptr not in self._views:
-            self._views[array.ptr] = array.numpy()
-        return self._views[array.ptr]
+            self._views[array.ptr] = array.numpy()  # pyright: ignore[reportArgumentType]
+        return self._views[array.ptr]  # pyright: ignore[reportArgumentType]
 
     def arrays(self) -> dict[str, wp.array]:
         """Every array there is, by name: what a scene costs in memory."""

@@ -1,3 +1,4 @@
+# pyright: reportInvalidTypeForm=false, reportOptionalCall=false
 """The step kernel: contact forces of one particle, its second half kick, its next first half kick and drift.
 
 One thread a particle. With a full list both sides of a contact are computed separately, so nothing is added
@@ -313,7 +314,6 @@ def step_kernel(spec: Spec) -> Any:
                 v_rel_next, w_j_next = v_next - velocity_ahead(now, j, mode), spin_ahead(now, j, mode)
             if wp.static(spec.rotation):
                 c.spin = to_real(w - w_j)
-            # mutate: pair_forces
             f, n_cross_ft, spring, rolling = resolve(
                 c, v_rel, v_rel_next, w, w_next, w_j, w_j_next, lever_j,
                 pair_of(params, particles, laws, material, j), spring_of(particles, k, entry),

@@ -1,3 +1,4 @@
+# pyright: reportInvalidTypeForm=false
 """Walls on the device: their table, their surface as one function, and how far a fast floor has risen."""
 
 import functools
