@@ -6,6 +6,7 @@ along an axis and one tilted; for measuring the order of convergence against `te
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ import numpy as np
 from comparisons.metrics.trace import observed_order
 from gpudem.driver import simulate
 from gpudem.scene import Scene
-from gpudem.solver.solver import Solver
 from tests.reference.exact_impact import Exact, exact_impact
 
 #: About the longest contact of these scenes [s]; the ladder of steps divides it.
@@ -55,18 +55,17 @@ SPEED = 1.0
 CELL = 0.02
 
 
-def impacts(steps: int, slide: float, contact: dict[str, Any], kinds: tuple[str, ...] = tuple(KINDS), **more: Any) -> Scene:
+def impacts(steps: int, slide: float, contact: dict[str, Any], **more: Any) -> Scene:
     """PHASES impacts of each kind at normal speed 1 m/s and tangential speed `slide` [m/s]."""
     friction = more.pop("friction", None)
     stiffness = contact.get("normal") == "hertz/stiffness"
     pairs = [
         {"materials": names, "restitution": e, "friction": mu if friction is None else friction,
-         **({"kn": kn, "kt": kt, "gamma_n": gn, "gamma_t": gt} | more.get("stiffness", {}) if stiffness else {})}
-        for names, e, mu, kn, kt, gn, gt in PAIRS
+         **(dict(zip(("kn", "kt", "gamma_n", "gamma_t"), constants, strict=True)) if stiffness else {})}
+        for names, e, mu, *constants in PAIRS
     ]  # fmt: skip
-    more.pop("stiffness", None)
     rows: list[tuple[str, float, np.ndarray, np.ndarray]] = []
-    for k, kind in enumerate(kinds):
+    for k, kind in enumerate(KINDS):
         (material, radius), other = KINDS[kind]
         for phase in range(PHASES):
             flight = (1.05 + 0.9 * phase / PHASES) * PERIOD / SNAPSHOTS
@@ -75,7 +74,11 @@ def impacts(steps: int, slide: float, contact: dict[str, Any], kinds: tuple[str,
                 normal = SLOPE_NORMAL if other == "slope" else np.array([0.0, 0.0, 1.0])
                 at = np.array([0.01 + CELL * k, 0.01 + CELL * phase, 0.0])
                 if other == "slope":
-                    at = SLOPE_POINT + CELL * (k - 3) * np.array([0.8, 0.0, 0.6]) + np.array([0, 0.01 + CELL * phase, 0])
+                    at = (
+                        SLOPE_POINT
+                        + CELL * (k - 3) * np.array([0.8, 0.0, 0.6])
+                        + np.array([0, 0.01 + CELL * phase, 0])
+                    )
                 velocity = slide * across - SPEED * normal
                 rows.append((material, radius, at + radius * normal - flight * velocity, velocity))
             else:
@@ -102,10 +105,10 @@ def impacts(steps: int, slide: float, contact: dict[str, Any], kinds: tuple[str,
     })  # fmt: skip
 
 
-def firsts(kinds: tuple[str, ...] = tuple(KINDS)) -> dict[str, tuple[np.ndarray, np.ndarray | str]]:
+def firsts() -> dict[str, tuple[np.ndarray, np.ndarray | str]]:
     """Rows of the first particles of each kind's impacts, and of the second or the name of the plane."""
     found, row = {}, 0
-    for kind in kinds:
+    for kind in KINDS:
         other = KINDS[kind][1]
         width = 1 if isinstance(other, str) else 2
         rows = row + width * np.arange(PHASES)
@@ -114,18 +117,18 @@ def firsts(kinds: tuple[str, ...] = tuple(KINDS)) -> dict[str, tuple[np.ndarray,
     return found
 
 
-def exact(scene: Scene, kinds: tuple[str, ...] = tuple(KINDS)) -> dict[str, Exact]:
+def exact(scene: Scene) -> dict[str, Exact]:
     """The exact motion of each kind's first impact; the others are the same, shifted in time."""
     return {
         kind: exact_impact(scene, int(rows[0]), others if isinstance(others, str) else int(others[0]))
-        for kind, (rows, others) in firsts(kinds).items()
+        for kind, (rows, others) in firsts().items()
     }
 
 
 def errors(scene: Scene, trace: dict[str, np.ndarray], truth: dict[str, Exact]) -> dict[str, float]:
     """Largest error of the relative position over snapshots and phases / peak overlap, by kind."""
     found = {}
-    for kind, (rows, others) in firsts(tuple(truth)).items():
+    for kind, (rows, others) in firsts().items():
         worst, first = 0.0, truth[kind].touch
         base = trace["position"][0]
         for k, row in enumerate(rows):
@@ -140,14 +143,38 @@ def errors(scene: Scene, trace: dict[str, np.ndarray], truth: dict[str, Exact]) 
     return found
 
 
-def orders(slide: float, contact: dict[str, Any], ladder: tuple[int, ...] = LADDER, kinds: tuple[str, ...] = tuple(KINDS), integrator: str = "path", **more: Any) -> dict[str, tuple[float, list[float]]]:
-    """Kind -> (observed order of the worst error over the ladder, the errors)."""
-    truth = exact(impacts(ladder[0], slide, contact, kinds, **more), kinds)
+def spin_errors(scene: Scene, trace: dict[str, np.ndarray], truth: dict[str, Exact]) -> dict[str, float]:
+    """Largest error of a spin after the impact over phases and partners / SPEED / radius, by kind."""
+    found = {}
+    for kind, (rows, others) in firsts().items():
+        partners = [rows] if isinstance(others, str) else [rows, others]
+        found[kind] = max(
+            float(
+                np.abs(trace["angular_velocity"][-1, who] - spin).max() / SPEED * scene.state.radius[who[0]]
+            )
+            for who, spin in zip(partners, truth[kind].spins, strict=False)
+        )
+    return found
+
+
+def orders(
+    slide: float,
+    contact: dict[str, Any],
+    *,
+    ladder: tuple[int, ...] = LADDER,
+    integrator: str = "path",
+    measure: Callable[..., dict[str, float]] = errors,
+    **more: Any,
+) -> dict[str, tuple[float, float]]:
+    """Kind -> (observed order of the worst error over the ladder, the error at its finest rung)."""
+    truth = exact(impacts(ladder[0], slide, contact, **more))
     found = []
     for steps in ladder:
-        scene = impacts(steps, slide, contact, kinds, **more)
-        found.append(errors(scene, simulate(scene, integrator=integrator).trace, truth))
+        scene = impacts(steps, slide, contact, **more)
+        trace = simulate(scene, integrator=integrator).trace
+        assert trace is not None
+        found.append(measure(scene, trace, truth))
     return {
-        kind: (observed_order([1 / s for s in ladder], [f[kind] for f in found]), [f[kind] for f in found])
-        for kind in kinds
+        kind: (observed_order([1 / s for s in ladder], [f[kind] for f in found]), found[-1][kind])
+        for kind in KINDS
     }

@@ -1,4 +1,4 @@
-"""One impact under any law of the emulator, integrated to rounding: the motion that a step size of zero gives.
+"""One impact under any law of the emulator, integrated to rounding: the motion as the time step goes to zero.
 
 Two spheres, or a sphere and a plane, fly freely, touch, and part again; everything stays in one plane:
 
@@ -39,8 +39,8 @@ class Exact:
     """Whether the surfaces slipped in the contact."""
     motion: Callable[[np.ndarray], np.ndarray]
     """Times since the touch (t,) -> relative position of the first sphere (t, 3) [m]."""
-    spin: float
-    """Angular velocity of the first sphere after the contact along the normal of the plane of motion [rad/s]."""
+    spins: tuple[np.ndarray, np.ndarray]
+    """Angular velocity of the first and the second body after the contact [rad/s], (3,) each."""
 
 
 def exact_impact(scene: Scene, i: int, other: int | str) -> Exact:
@@ -70,7 +70,9 @@ def exact_impact(scene: Scene, i: int, other: int | str) -> Exact:
     e1 = np.array(plane.normal) if plane else start / np.linalg.norm(start)
     e2 = _across(e1, velocity)
     planar = _Planar(scene, contact, reach, masses, radii, plane is not None)
-    return planar.solve(touch, float(velocity @ e1), float(velocity @ e2), start, velocity, np.array([e1, e2]))
+    return planar.solve(
+        touch, float(velocity @ e1), float(velocity @ e2), start, velocity, np.array([e1, e2])
+    )
 
 
 def _across(n: np.ndarray, velocity: np.ndarray) -> np.ndarray:
@@ -102,16 +104,22 @@ class _Planar:
             overlap = -(2 * self.reach * a + a * a + b * b) / (self.reach + r)  # without cancellation
             n = ((self.reach + a) / r, b / r)
         d = max(overlap, 0.0)
-        kn, kt, cn, ct = (float(q[0]) for q in emulator._coefficients(self.scene, self.contact, np.array([d])))
+        kn, kt, cn, ct = (
+            float(q[0]) for q in emulator._coefficients(self.scene, self.contact, np.array([d]))
+        )
         vn = va * n[0] + vb * n[1]
         arms = (self.radii[0] - d / 2) * wi + (0.0 if self.wall else (self.radii[1] - d / 2) * wj)
         vt = vb * n[0] - va * n[1] - arms
         return overlap, kn * d - cn * vn, kt, ct, n, vt, d
 
     def rate(self, mode: str, sign: float) -> Callable[[float, np.ndarray], list[float]]:
+        """Time derivative of the state in one mode."""
         mu = float(self.contact.of("friction")[0])
         inverse = [1 / m for m in self.masses]
-        spin = [0.0 if math.isinf(m) else 1 / (0.4 * m * r * r) for m, r in zip(self.masses, self.radii, strict=True)]
+        spin = [
+            0.0 if math.isinf(m) else 1 / (0.4 * m * r * r)
+            for m, r in zip(self.masses, self.radii, strict=True)
+        ]
 
         def derivative(_t: float, y: np.ndarray) -> list[float]:
             _, raw, kt, ct, n, vt, d = self.forces(y)
@@ -124,13 +132,27 @@ class _Planar:
             f = (fn * n[0] - ft * n[1], fn * n[1] + ft * n[0])
             arm = (self.radii[0] - d / 2, 0.0 if self.wall else self.radii[1] - d / 2)
             total = inverse[0] + inverse[1]
-            return [y[2], y[3], f[0] * total, f[1] * total, -arm[0] * ft * spin[0], -arm[1] * ft * spin[1], stretch]
+            return [
+                y[2],
+                y[3],
+                f[0] * total,
+                f[1] * total,
+                -arm[0] * ft * spin[0],
+                -arm[1] * ft * spin[1],
+                stretch,
+            ]
 
         return derivative
 
     def solve(self, touch, vn, vt, start, velocity, frame) -> Exact:
+        """From the first touch (normal and tangential relative velocity) to the end of the force."""
         friction = self.scene.needs.tangential and self.contact.of("friction")[0] > 0
-        mode, sign, time, y = ("stick" if friction else "smooth"), 0.0, 0.0, np.array([0, 0, vn, vt, 0, 0, 0.0])
+        mode, sign, time, y = (
+            ("stick" if friction else "smooth"),
+            0.0,
+            0.0,
+            np.array([0, 0, vn, vt, 0, 0, 0.0]),
+        )
         pieces, peak, slips = [], 0.0, False
         mu = float(self.contact.of("friction")[0])
 
@@ -188,10 +210,11 @@ class _Planar:
             out[rows] = start + (y[:2, None] + y[2:4, None] * (since[rows] - time)).T @ frame
             return out
 
-        return Exact(touch, time, peak, slips, motion, float(y[4]))
+        e3 = np.cross(*frame)
+        return Exact(touch, time, peak, slips, motion, (y[4] * e3, y[5] * e3))
 
     def _keeps_slipping(self, found, sign: float, mu: float) -> None:
-        """Raises ValueError where the longest spring grows faster than the surfaces slip: they would stick."""
+        """Raises ValueError where the longest spring grows faster than the surfaces slip: they stick."""
         times = np.linspace(found.t[0], found.t[-1], 400)[1:-1]
         states = np.array([found.sol(t) for t in times])
         limit = [mu * abs(f[1]) / f[2] for f in (self.forces(y) for y in states)]
