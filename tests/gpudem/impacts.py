@@ -56,14 +56,19 @@ CELL = 0.02
 
 
 def impacts(steps: int, slide: float, contact: dict[str, Any], **more: Any) -> Scene:
-    """PHASES impacts of each kind at normal speed 1 m/s and tangential speed `slide` [m/s]."""
-    friction = more.pop("friction", None)
-    stiffness = contact.get("normal") == "hertz/stiffness"
-    pairs = [
-        {"materials": names, "restitution": e, "friction": mu if friction is None else friction,
-         **(dict(zip(("kn", "kt", "gamma_n", "gamma_t"), constants, strict=True)) if stiffness else {})}
-        for names, e, mu, *constants in PAIRS
-    ]  # fmt: skip
+    """PHASES impacts of each kind at normal speed 1 m/s and tangential speed `slide` [m/s].
+
+    `friction` and the mapping `constants` stand for those of every pair; the rest changes the scene.
+    """
+    friction, given = more.pop("friction", None), more.pop("constants", {})
+    if friction is not None:
+        given = given | {"friction": friction}
+    pairs = []
+    for names, e, mu, *values in PAIRS:
+        pair = {"materials": names, "restitution": e, "friction": mu}
+        if contact.get("normal") == "hertz/stiffness":
+            pair |= dict(zip(("kn", "kt", "gamma_n", "gamma_t"), values, strict=True))
+        pairs.append(pair | given)
     rows: list[tuple[str, float, np.ndarray, np.ndarray]] = []
     for k, kind in enumerate(KINDS):
         (material, radius), other = KINDS[kind]
@@ -72,13 +77,10 @@ def impacts(steps: int, slide: float, contact: dict[str, Any], **more: Any) -> S
             across = np.array([0.0, 1.0, 0.0])
             if isinstance(other, str):
                 normal = SLOPE_NORMAL if other == "slope" else np.array([0.0, 0.0, 1.0])
-                at = np.array([0.01 + CELL * k, 0.01 + CELL * phase, 0.0])
+                column = np.array([0.0, 0.01 + CELL * phase, 0.0])
+                at = column + np.array([0.01 + CELL * k, 0.0, 0.0])
                 if other == "slope":
-                    at = (
-                        SLOPE_POINT
-                        + CELL * (k - 3) * np.array([0.8, 0.0, 0.6])
-                        + np.array([0, 0.01 + CELL * phase, 0])
-                    )
+                    at = column + SLOPE_POINT + CELL * (k - 3) * np.array([0.8, 0.0, 0.6])
                 velocity = slide * across - SPEED * normal
                 rows.append((material, radius, at + radius * normal - flight * velocity, velocity))
             else:
