@@ -49,7 +49,7 @@ def exact_impact(scene: Scene, i: int, other: int | str) -> Exact:
     Without gravity and rolling friction; initial spins are taken as zero. Raises ValueError where the law
     sticks again after it slipped.
     """
-    plane = next((p for p in scene.planes if p.name == other), None)
+    plane = next((p for p in emulator.flats(scene) if p.name == other), None)
     rows = np.array([i])
     contact = emulator._contacts(scene, rows, None if plane else np.array([other]), plane)
     mass = emulator._mass(scene)
@@ -62,12 +62,12 @@ def exact_impact(scene: Scene, i: int, other: int | str) -> Exact:
         along, rest = float(apart @ velocity), float(apart @ apart) - reach**2
         touch = rest / (-along + math.sqrt(along**2 - float(velocity @ velocity) * rest))
     else:
-        normal = np.array(plane.normal)
-        apart, velocity = state.position[i] - np.array(plane.point), state.velocity[i]
+        normal = plane.normal
+        apart, velocity = state.position[i] - plane.point, state.velocity[i]
         reach, masses, radii = float(state.radius[i]), (mass[i], math.inf), (state.radius[i], math.inf)
         touch = (float(apart @ normal) - reach) / -float(velocity @ normal)
     start = apart + touch * velocity
-    e1 = np.array(plane.normal) if plane else start / np.linalg.norm(start)
+    e1 = plane.normal if plane else start / np.linalg.norm(start)
     e2 = _across(e1, velocity)
     planar = _Planar(scene, contact, reach, masses, radii, plane is not None)
     return planar.solve(
@@ -146,7 +146,7 @@ class _Planar:
 
     def solve(self, touch, vn, vt, start, velocity, frame) -> Exact:
         """From the first touch (normal and tangential relative velocity) to the end of the force."""
-        friction = self.scene.needs.tangential and self.contact.of("friction")[0] > 0
+        friction = self.scene.contact.tangential == "history" and self.contact.of("friction")[0] > 0
         mode, sign, time, y = (
             ("stick" if friction else "smooth"),
             0.0,
