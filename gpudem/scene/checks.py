@@ -5,6 +5,7 @@ Each check reads some sections of a scene and returns its problems, one line eac
 
 from __future__ import annotations
 
+import collections
 from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING
 
@@ -71,16 +72,15 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
 
 
 def _unknown(used: list[tuple[str, str]], scene: Scene) -> list[str]:
-    known = sorted(scene.materials)
     return [
-        f"{key} = {name!r}: no such material; known: {', '.join(known)}"
+        f"{key} = {name!r}: no such material; known: {', '.join(sorted(scene.materials))}"
         for key, name in used
-        if name not in known
+        if name not in scene.materials
     ]
 
 
 def _particle_materials(scene: Scene) -> list[str]:
-    material = scene.particles.material
+    material = scene.particles.material or ()
     names = [material] if isinstance(material, str) else list(dict.fromkeys(material))
     return _unknown([("particles.material", name) for name in names], scene)
 
@@ -91,8 +91,8 @@ def _wall_materials(scene: Scene) -> list[str]:
 
 def _pair_materials(scene: Scene) -> list[str]:
     used = [(f"pairs[{i}].materials", name) for i, pair in enumerate(scene.pairs) for name in pair.materials]
-    keys = [tuple(sorted(pair.materials)) for pair in scene.pairs]
-    twice = [key for key in dict.fromkeys(keys) if keys.count(key) > 1]
+    keys = collections.Counter(tuple(sorted(pair.materials)) for pair in scene.pairs)
+    twice = [key for key, count in keys.items() if count > 1]
     return _unknown(used, scene) + [f"pairs: {' / '.join(key)} given twice" for key in twice]
 
 
@@ -120,7 +120,7 @@ def _pairs(scene: Scene) -> list[str]:
 
 def _state(scene: Scene) -> list[str]:
     try:
-        state = scene.state
+        state = scene.stated_particles
     except (ValueError, GpudemError) as error:
         return [f"particles.{error}"]
     return [] if len(state) else ["particles.position: no particles"]
@@ -139,8 +139,8 @@ def _walls(scene: Scene) -> list[str]:
             lo, hi = wall.lo or scene.domain.lo, wall.hi or scene.domain.hi
             if not all(b > a for a, b in zip(lo, hi, strict=True)):
                 found.append(f"walls[{i}].hi = {hi}: must be above lo = {lo} in x, y and z [m]")
-    names = [plane.name for plane in scene.planes]
-    found += [f"walls: name {name!r} given twice" for name in dict.fromkeys(names) if names.count(name) > 1]
+    names = collections.Counter(plane.name for plane in scene.planes)
+    found += [f"walls: name {name!r} given twice" for name, count in names.items() if count > 1]
     for plane in scene.planes:
         if any(p and n for p, n in zip(scene.domain.periodic, plane.normal, strict=True)):
             axes = [a for a, p, n in zip("xyz", scene.domain.periodic, plane.normal, strict=True) if p and n]
@@ -278,7 +278,7 @@ def _gravity_units(scene: Scene) -> list[str]:
 
 
 def _radius_units(scene: Scene) -> list[str]:
-    largest = float(scene.state.radius.max())
+    largest = float(scene.stated_particles.radius.max())
     if largest <= 1.5 or "unusual_units" in scene.allow:
         return []
     return [f"particles.radius = {largest:g} m: {largest:g} mm is {largest / 1e3:g} m; {_WAIVE_UNITS}"]

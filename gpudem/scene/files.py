@@ -14,6 +14,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
+from pydantic_core import to_json
 
 from gpudem.errors import SceneError
 
@@ -37,7 +38,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise SceneError(str(path), [f"not a text file: byte {error.start} is not UTF-8"]) from None
     except OSError as error:
         raise SceneError(str(path), [f"cannot be read: {error.strerror}"]) from None
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError, an integer of thousands of digits
         raise SceneError(str(path), [f"not TOML: {error}"]) from None
     particles = data.get("particles")
     if isinstance(particles, dict) and isinstance(particles.get("path"), str):
@@ -49,17 +50,38 @@ def parse_json(text: str, source: str) -> dict[str, Any]:
     """The object in a JSON text. Raises SceneError."""
     try:
         data = json.loads(text)
-    except json.JSONDecodeError as error:
+    except (ValueError, RecursionError) as error:  # also an integer of thousands of digits
         raise SceneError(source, [f"not JSON: {error}"]) from None
     if not isinstance(data, dict):
         raise SceneError(source, [f"a scene is a JSON object, not {type(data).__name__}"])
     return data
 
 
+def json_text(data: dict[str, Any]) -> str:
+    """A scene as JSON, indented, with arrays one particle a line: a tenth of the time of one number a line.
+
+    Floats are written so that they are read back to the last bit.
+    """
+    sections = []
+    for key, value in data.items():
+        compact = {}
+        if key == "particles":
+            compact = {k: v for k, v in value.items() if isinstance(v, np.ndarray) or k == "material"}
+            value = value | {k: f"@{k}" for k in compact}  # no name and no absolute path begins with @
+        text = json.dumps(value, indent=1).replace("\n", "\n ")
+        for name, values in compact.items():
+            values = values.tolist() if isinstance(values, np.ndarray) else values
+            numbers = to_json(values).decode().replace("],[", "],\n   [")
+            text = text.replace(f'"@{name}"', numbers)
+        sections.append(f" {json.dumps(key)}: {text}")
+    return "{\n" + ",\n".join(sections) + "\n}"
+
+
 def take_auto_step(data: dict[str, Any]) -> tuple[bool, dict[str, Any]]:
     """(whether time.step is "auto", the data with the duration in its place until it is resolved)."""
     time = data.get("time")
-    if not isinstance(time, dict) or time.get("step") != "auto":
+    step = time.get("step") if isinstance(time, dict) else None
+    if not isinstance(time, dict) or not isinstance(step, str) or step != "auto":
         return False, data
     return True, {**data, "time": {**time, "step": time.get("duration", 1.0)}}
 
@@ -182,5 +204,8 @@ def _models(annotation: Any) -> list[type[BaseModel]]:
 
 
 def _short(value: Any) -> str:
-    text = " ".join(repr(value.item() if isinstance(value, np.generic) else value).split())
+    try:
+        text = " ".join(repr(value.item() if isinstance(value, np.generic) else value).split())
+    except ValueError:  # an integer of thousands of digits
+        return "..."
     return text if len(text) <= 60 else text[:57] + "..."
