@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gpudem.errors import GpudemError
+from gpudem.scene.overlaps import find_overlaps
 from gpudem.scene.time_step import USUAL_CONTACT, USUAL_RAYLEIGH, contact_time, rayleigh_time
 
 if TYPE_CHECKING:
@@ -215,33 +216,15 @@ def _lattice_within(scene: Scene) -> bool:
 def _overlaps(scene: Scene) -> list[str]:
     if "overlap" in scene.allow or len(scene.state) < 2 or _lattice_within(scene):
         return []
-    from scipy import spatial
-
-    state, row = scene.state, np.arange(len(scene.state))
-    # two that overlap by more than the limit, a share of the smaller, lie nearer than this
-    near = (2 - MAX_START_OVERLAP) * float(state.radius.max())
-    size = np.array(scene.domain.hi) - np.array(scene.domain.lo)
-    place = state.position - np.array(scene.domain.lo)
-    # with images beyond the far sides: a periodic tree takes twice the time
-    for k in np.flatnonzero(scene.domain.periodic):
-        place[:, k] %= size[k]
-        low = place[:, k] < near
-        place = np.concatenate([place, place[low] + size * (np.arange(3) == k)])
-        row = np.concatenate([row, row[low]])
-    tree = spatial.KDTree(place, balanced_tree=False, compact_nodes=False)
-    pairs = tree.query_pairs(near, output_type="ndarray")
-    distance = np.linalg.norm(place[pairs[:, 0]] - place[pairs[:, 1]], axis=1)
-    i, j = np.sort(row[pairs], axis=1).T
-    overlap = state.radius[i] + state.radius[j] - distance
-    share = np.where(i == j, 0.0, overlap / np.minimum(state.radius[i], state.radius[j]))
-    bad = share > MAX_START_OVERLAP
-    if not bad.any():
+    state, lo = scene.state, np.array(scene.domain.lo)
+    period = np.where(scene.domain.periodic, np.array(scene.domain.hi) - lo, 0.0)
+    found = find_overlaps(state.position - lo, state.radius, period, MAX_START_OVERLAP)
+    if found is None:
         return []
-    count = len(np.unique(i[bad] * len(state) + j[bad]))
-    k = int(np.argmax(share))
+    i, j = found.worst
     return [
-        f"particles: {count} pairs overlap at the start, the worst:"
-        f" {i[k] + 1} and {j[k] + 1} by {overlap[k]:.3g} m"
+        f"particles: {'' if found.complete else 'at least '}{found.count} pairs overlap at the start, the worst:"
+        f" {i + 1} and {j + 1} by {found.overlap:.3g} m"
         f" (allowed: {MAX_START_OVERLAP:g} of the smaller radius); waive with allow = ['overlap']"
     ]
 

@@ -2,8 +2,8 @@
 
     young: Annotated[float, positive("Pa")]
 
-NumPy scalars and arrays without dimensions count as the numbers, whole numbers and booleans they hold; text and
-booleans are never taken for numbers.
+NumPy scalars and arrays without dimensions count as the numbers, whole numbers and booleans they hold; text
+and booleans are never taken for numbers.
 """
 
 from __future__ import annotations
