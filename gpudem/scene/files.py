@@ -62,19 +62,20 @@ def json_text(data: dict[str, Any]) -> str:
 
     Floats are written so that they are read back to the last bit.
     """
-    sections = []
+    parts: list[str] = []
     for key, value in data.items():
         compact = {}
         if key == "particles":
             compact = {k: v for k, v in value.items() if isinstance(v, np.ndarray) or k == "material"}
             value = value | {k: f"@{k}" for k in compact}  # no name and no absolute path begins with @
         text = json.dumps(value, indent=1).replace("\n", "\n ")
-        for name, values in compact.items():
+        parts.append(f",\n {json.dumps(key)}: " if parts else f"{{\n {json.dumps(key)}: ")
+        for name, values in compact.items():  # in the order of the text
+            before, text = text.split(f'"@{name}"')
             values = values.tolist() if isinstance(values, np.ndarray) else values
-            numbers = to_json(values).decode().replace("],[", "],\n   [")
-            text = text.replace(f'"@{name}"', numbers)
-        sections.append(f" {json.dumps(key)}: {text}")
-    return "{\n" + ",\n".join(sections) + "\n}"
+            parts += [before, to_json(values).replace(b"],[", b"],\n   [").decode()]
+        parts.append(text)
+    return "".join([*parts, "\n}"])
 
 
 def take_auto_step(data: dict[str, Any]) -> tuple[bool, dict[str, Any]]:

@@ -130,6 +130,13 @@ class Scene(Model):
             data[key] = value
         return type(self)(**data)
 
+    def model_copy(self, **options: Any) -> Scene:
+        """Pydantic's copy, not validated; without what has been derived from the original."""
+        copied = super().model_copy(**options)
+        for name in set(vars(copied)) - set(type(self).model_fields):
+            del copied.__dict__[name]
+        return copied
+
     @functools.cached_property
     def hash(self) -> str:
         """SHA-256 of the physics: all but name and title; of a particle file the content, not the path."""
