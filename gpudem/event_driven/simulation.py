@@ -14,7 +14,7 @@ from gpudem.output.recorder import Recorder
 from gpudem.output.run import Run, Timing
 from gpudem.output.vtu import Frame
 from gpudem.process import peak_memory, version
-from gpudem.scene import Scene
+from gpudem.scene import Scene, checks
 
 #: Columns of the history beside HISTORY_COLUMNS: collisions, energies [J] and the sum of impulse times
 #: diameter over the collisions of pairs [J s], since the start.
@@ -122,6 +122,7 @@ def run(
                 output_s=seconds["output"],
                 peak_memory_bytes=peak_memory(),
             ),
+            warnings=checks.scene_warnings(scene),
             notes=notes,
             trace=recorder.trace,
             history=history,

@@ -13,6 +13,7 @@ import numpy as np
 
 from gpudem.errors import GpudemError
 from gpudem.scene.overlaps import find_overlaps
+from gpudem.scene.scene_warnings import rounded_times, unexpected, without_effect
 from gpudem.scene.time_step import USUAL_CONTACT, USUAL_RAYLEIGH, contact_time, rayleigh_time
 
 if TYPE_CHECKING:
@@ -318,6 +319,21 @@ def step_limit(scene: Scene, rayleigh: float, contact: float) -> tuple[float, st
     if scene.normal_law.uses_moduli:
         limits.append((rayleigh * rayleigh_time(scene), f"{rayleigh:g} of the Rayleigh time"))
     return min(limits)
+
+
+def warnings(scene: Scene) -> list[str]:
+    """What a valid scene states and a user may not expect, one sentence each: the same wherever it is shown.
+
+    A step that is stable and above the usual limits, times that are rounded or extended, settings without
+    effect, a scene in which nothing can move or everything leaves. Checks that the scene waives are not listed.
+    """
+    return [*step_warnings(scene), *scene_warnings(scene)]
+
+
+def scene_warnings(scene: Scene) -> list[str]:
+    """The warnings of a scene but for `step_warnings`: for codes whose steps only say when to write."""
+    found = [*rounded_times(scene), *without_effect(scene), *unexpected(scene)]
+    return list(dict.fromkeys(found))
 
 
 def step_warnings(scene: Scene) -> list[str]:

@@ -137,6 +137,12 @@ class Scene(Model):
             del copied.__dict__[name]
         return copied
 
+    def __getstate__(self) -> dict[Any, Any]:
+        """For pickling: the statement, and the particles read from a file; no law, which has device functions."""
+        state = super().__getstate__()
+        kept = {*type(self).model_fields, "particle_file"}
+        return {**state, "__dict__": {k: v for k, v in state["__dict__"].items() if k in kept}}
+
     @functools.cached_property
     def hash(self) -> str:
         """SHA-256 of the physics: all but name and title; of a particle file the content, not the path."""
