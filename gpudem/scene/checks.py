@@ -14,6 +14,7 @@ import numpy as np
 from gpudem.errors import GpudemError
 from gpudem.scene.overlaps import find_overlaps
 from gpudem.scene.scene_warnings import rounded_times, unexpected, without_effect
+from gpudem.scene.sections import MAX_PARTICLES
 from gpudem.scene.time_step import USUAL_CONTACT, USUAL_RAYLEIGH, contact_time, rayleigh_time
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ MAX_START_OVERLAP = 0.1
 MAX_RAYLEIGH, MAX_CONTACT = 0.5, 0.2
 #: Time steps in a period of a vibrating plane, at least.
 MIN_PERIOD = 10
-#: A trace [bytes] above this fills the memory: 15 float64 numbers for each particle and row.
+#: A trace [bytes] above this may fill the memory: 15 float64 numbers for each particle and row.
 MAX_TRACE = 4e9
 
 _WAIVE_UNITS = "waive with allow = ['unusual_units']"
@@ -51,7 +52,10 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
     pairs = holds(_pair_materials, "materials", "pairs")
     domain = holds(_domain, "domain")
     walls = walls and domain and holds(_walls, "walls", "domain")
-    units = holds(_material_units, "materials", "allow") and holds(_gravity_units, "gravity", "allow")
+    units = holds(_material_units, "materials", "allow")
+    units = holds(_gravity_units, "gravity", "allow") and units
+    holds(_pair_units, "pairs", "allow")
+    speed = holds(_speed_units, "contact", "allow")
     holds(_duration, "time")
     if not (particles and holds(_state)):
         return found
@@ -63,10 +67,10 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
         if walls:
             holds(_behind_walls, "allow")
             holds(_reachable_walls)
-            if paired:
+            if paired and speed:
                 holds(_time_step, "time", "contact", "gravity", "allow")
             holds(_vibration, "time", "solver", "allow")
-        holds(_trace, "time", "output")
+        holds(_trace, "time", "output", "allow")
     return found
 
 
@@ -125,6 +129,10 @@ def _state(scene: Scene) -> list[str]:
         state = scene.stated_particles
     except (ValueError, GpudemError) as error:
         return [f"particles.{error}"]
+    except MemoryError:
+        return ["particles: more than fits in the memory of this machine"]
+    if len(state) > MAX_PARTICLES:
+        return [f"particles: {len(state)} are too many for 32-bit indices; allowed: <= {MAX_PARTICLES}"]
     return [] if len(state) else ["particles.position: no particles"]
 
 
@@ -233,7 +241,7 @@ def _overlaps(scene: Scene) -> list[str]:
 # -- units and time ----------------------------------------------------------------------------------------
 
 
-# Values that smell of millimetres, gigapascals or g/cm3.
+# Values that suggest millimetres, gigapascals or g/cm3, or a slip of the exponent.
 
 
 def _material_units(scene: Scene) -> list[str]:
@@ -251,7 +259,35 @@ def _material_units(scene: Scene) -> list[str]:
                 f"{key}.density = {m.density:g} kg/m3: {m.density:g} g/cm3 is {m.density * 1e3:g} kg/m3;"
                 f" {_WAIVE_UNITS}"
             )
+        found += _above(f"{key}.young", m.young, 1e14, "Pa") + _above(
+            f"{key}.density", m.density, 1e6, "kg/m3"
+        )
     return found
+
+
+def _above(key: str, value: float | None, usual: float, unit: str) -> list[str]:
+    """The problem of a value above all usual ones; none for an empty field."""
+    if value is None or value <= usual:
+        return []
+    return [f"{key} = {value:g} {unit}: unusual, above {usual:g} {unit}; {_WAIVE_UNITS}"]
+
+
+def _pair_units(scene: Scene) -> list[str]:
+    if "unusual_units" in scene.allow:
+        return []
+    return [
+        problem
+        for i, pair in enumerate(scene.pairs)
+        for key in ("friction", "rolling_friction")
+        for problem in _above(f"pairs[{i}].{key}", getattr(pair, key), 10, "[1]")
+    ]
+
+
+def _speed_units(scene: Scene) -> list[str]:
+    speed = scene.contact.characteristic_velocity
+    return (
+        [] if "unusual_units" in scene.allow else _above("contact.characteristic_velocity", speed, 1e4, "m/s")
+    )
 
 
 def _gravity_units(scene: Scene) -> list[str]:
@@ -350,10 +386,10 @@ def _trace(scene: Scene) -> list[str]:
         return []
     rows = scene.n_steps // stride + 1
     size = 15 * 8 * rows * len(scene.state)
-    if size <= MAX_TRACE:
+    if size <= MAX_TRACE or "memory" in scene.allow:
         return []
     return [
         f"output.trace_every = {scene.output.trace_every:g} s: {rows} rows of {len(scene.state)} particles"
         f" take {size / 1e9:.3g} GB; allowed: <= {MAX_TRACE / 1e9:g} GB; give a longer interval,"
-        " or use frames_every"
+        " use frames_every, or waive with allow = ['memory']"
     ]

@@ -63,7 +63,9 @@ class Scene(Model):
     time: Time
     output: Output = Output()
     solver: Solver = Solver()
-    allow: tuple[Literal["time_step", "unusual_units", "overlap", "large_overlap", "speed"], ...] = ()
+    allow: tuple[
+        Literal["time_step", "unusual_units", "overlap", "large_overlap", "speed", "memory"], ...
+    ] = ()
     """Checks and guards waived by name for this scene."""
 
     def __init__(self, /, _source: str = "<python>", **data: Any):

@@ -48,14 +48,18 @@ Side = Literal["xlo", "xhi", "ylo", "yhi", "zlo", "zhi"]
 NORMAL_ROUNDING = 1e-12
 
 
+#: Particles of a scene at most: the neighbor search numbers 24 candidates of each with 32-bit integers.
+MAX_PARTICLES = 2**31 // 24
+
+
 class Material(Model):
     """Elastic material of particles or walls."""
 
-    young: Annotated[float, positive("Pa", 1e14)]
+    young: Annotated[float, positive("Pa")]
     """Young's modulus E [Pa]."""
     poisson: Annotated[float, number("1", 0, 0.5)]
     """Poisson's ratio nu [1], 0 to 0.5."""
-    density: Annotated[float, positive("kg/m3", 1e6)]
+    density: Annotated[float, positive("kg/m3")]
     """Density [kg/m3]."""
 
 
@@ -70,9 +74,9 @@ class Pair(Model):
     materials: tuple[Name, Name]
     restitution: Annotated[float, positive("1", 1)] = 1.0
     """Coefficient of restitution e [1], 0 < e <= 1."""
-    friction: Annotated[float, number("1", 0, 10)] = 0.0
+    friction: Annotated[float, number("1", 0)] = 0.0
     """Coulomb friction mu [1]."""
-    rolling_friction: Annotated[float, number("1", 0, 10)] = 0.0
+    rolling_friction: Annotated[float, number("1", 0)] = 0.0
     """Rolling friction mu_r [1]."""
     kn: Annotated[float, number("N/m2", 0)] | None = None
     """Normal stiffness constant of `hertz/stiffness`: k_n = kn sqrt(R* overlap) [N/m2]."""
@@ -102,7 +106,7 @@ class Contact(Model):
     """Clip the normal force at zero (no attraction late in a rebound)."""
     tangential_damping: Flag = True
     """Tangential dashpot; with `no_history` it is the whole tangential force."""
-    characteristic_velocity: Annotated[float, positive("m/s", 1e4)] | None = None
+    characteristic_velocity: Annotated[float, positive("m/s")] | None = None
     """Impact speed at which `hooke` is as stiff as `hertz` [m/s]."""
 
 
@@ -163,12 +167,18 @@ class RadiusShare(Model):
     share: Annotated[float, positive("1")]
 
 
+def _countable(count: int) -> int:
+    if count > MAX_PARTICLES:
+        raise ValueError(f"too many for 32-bit indices; allowed: <= {MAX_PARTICLES} particles")
+    return count
+
+
 class Lattice(Model):
     """`count` particles on a jittered cubic lattice filling lo..hi from below."""
 
     source: Literal["lattice"]
     material: Name
-    count: Annotated[int, Field(strict=True, gt=0, le=50_000_000), BeforeValidator(as_python)]
+    count: Annotated[int, Field(strict=True, gt=0), AfterValidator(_countable), BeforeValidator(as_python)]
     lo: Annotated[Vector, vector("m")]
     hi: Annotated[Vector, vector("m")]
     radius: Annotated[
@@ -177,7 +187,7 @@ class Lattice(Model):
         Discriminator(lambda radius: "<mixture>" if isinstance(radius, list | tuple) else "<one>"),
     ]
     """One radius [m], or a mixture."""
-    spacing: Annotated[float, number("largest diameters", 1, 100)] = 1.05
+    spacing: Annotated[float, number("largest diameters", 1)] = 1.05
     jitter: Annotated[float, number("free gap", 0, 1)] = 0.9
     """Random shift as a share of the gap between lattice neighbours [1]; below 1 nothing overlaps."""
     velocity_rms: Annotated[float, number("m/s", 0)] = 0.0
@@ -192,9 +202,9 @@ class Vibration(Model):
     finds it moving at `speed` until they part; hard spheres leave with v' = (1 + e) U - e v.
     """
 
-    speed: Annotated[float, positive("m/s", 1e4)]
+    speed: Annotated[float, positive("m/s")]
     """U [m/s], towards the particles."""
-    amplitude: Annotated[float, number("m", 0, 1e3)] = 0.0
+    amplitude: Annotated[float, number("m", 0)] = 0.0
     """Stroke A [m]; the period is A / U."""
 
 
