@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from gpudem.scene.types import Vector
 
 
-#: Relative rounding of float32: how far a position that such a run has written may lie beyond a side.
-FLOAT32 = 2.0**-23
+#: Relative rounding of a side and of a position in float32: as far beyond a side may a run write a position.
+FLOAT32 = 2.0**-22
 
 
 @dataclasses.dataclass(frozen=True)

@@ -159,7 +159,7 @@ def _one_position(columns: Columns, warnings: list[str]) -> Columns:
         raise ValueError(f"position: has {len(stated)} rows; the file has {len(shown)} points")
     single = points.dtype == np.float32 or columns["position"].dtype == np.float32
     off = float(np.abs(stated - shown).max(initial=0.0))
-    if off > (2 * FLOAT32 * float(np.abs(stated).max(initial=0.0)) if single else 0.0):
+    if off > (FLOAT32 * float(np.abs(stated).max(initial=0.0)) if single else 0.0):
         warnings.append(
             f"particles.path: the points of the file lie up to {off:.3g} m from its array position"
             " (moved by a filter?); the points are used, velocities as they stand"
