@@ -18,7 +18,7 @@ from tests.bad_scenes import EXPLICIT, FIELDS, GOOD, LATTICE, WHOLE, Bad
 
 
 def test_the_good_scene_is_good(tmp_path: Path) -> None:
-    """Every row below differs from this one by its edits alone."""
+    """Every row below differs from this one by its edits only."""
     path = tmp_path / "scene.toml"
     path.write_text(GOOD)
     assert len(Scene.from_toml(path).state) == 2

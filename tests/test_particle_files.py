@@ -174,7 +174,7 @@ def test_arrays_of_other_kinds_of_number(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "column", [["b", "a"], [1, 0], [1.0, 0.0], ["1", "a"]], ids=["names", "indices", "floats", "both"]
+    "column", [["b", "a"], [1, 0], [1.0, 0.0], ["1.0", "a"]], ids=["names", "indices", "floats", "both"]
 )
 @pytest.mark.parametrize("suffix", [".csv", ".npz"])
 def test_material_column_acts(column: list, suffix: str, tmp_path: Path) -> None:
@@ -243,7 +243,7 @@ def test_a_frame_comes_back_to_the_bit(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 def test_moved_points_are_used_and_said(dtype: type, tmp_path: Path) -> None:
-    """ParaView's filters move points, not the array `position`; float32 points alone are not moved."""
+    """ParaView's filters move points, not the array `position`; float32 points are no move."""
     one = frame()
     moved = one["position"] + [0.0, 0.25, 0.0]
     np.savez(tmp_path / "p.npz", **one, points=moved.astype(dtype))
@@ -255,6 +255,16 @@ def test_moved_points_are_used_and_said(dtype: type, tmp_path: Path) -> None:
     found = read_particles(tmp_path / "p.npz", MATERIALS)
     assert np.array_equal(found.state.position, one["position"])
     assert found.warnings == ()
+
+
+def test_an_array_twice_is_refused(tmp_path: Path) -> None:
+    """A reader of XML gives the last of two arrays of one name."""
+    write_vtu(tmp_path / "p.vtu", frame())
+    content = (tmp_path / "p.vtu").read_bytes()
+    assert content.count(b'Name="velocity"') == 1
+    (tmp_path / "p.vtu").write_bytes(content.replace(b'Name="force"', b'Name="velocity"'))
+    with pytest.raises(ValueError, match=r"p\.vtu': array 'velocity' given twice"):
+        read_particles(tmp_path / "p.vtu", MATERIALS)
 
 
 def test_points_alone_are_positions(tmp_path: Path) -> None:

@@ -44,7 +44,7 @@ GATE = Plane(name="gate", material="acrylic", point=(0.05, 0, 0), normal=(-1, 0,
 
 
 def scene(**changes) -> Scene:
-    """Two balls over a floor, behind a gate that goes at 0.02 s."""
+    """Two balls over a floor, behind a gate that is removed at 0.02 s."""
     return Scene(
         **{
             "name": "two",
@@ -316,7 +316,7 @@ def test_many_materials_cost_little() -> None:
 
 
 def test_needs_only_what_is_there() -> None:
-    """A frictionless scene asks for no spin, no history; each ingredient alone switches its own flag."""
+    """A frictionless scene asks for no spin, no history; each ingredient switches its own flag only."""
     smooth = [
         PAIRS[0].model_copy(update={"friction": 0.0, "restitution": 1.0}),
         PAIRS[1].model_copy(update={"restitution": 1.0}),
@@ -340,7 +340,7 @@ def test_needs_only_what_is_there() -> None:
 
 
 def test_friction_that_no_contact_has_is_not_needed() -> None:
-    """Friction of a pair that cannot meet here (wall material alone) must not cost rotation."""
+    """Friction of a pair that cannot meet here (of the wall's material with itself) must not cost rotation."""
     pairs = [
         PAIRS[0].model_copy(update={"friction": 0.0, "rolling_friction": 0.0}),
         PAIRS[1],
@@ -427,7 +427,7 @@ def test_steps_and_strides() -> None:
 
 
 def test_time_limits_against_published_formulas() -> None:
-    """Numbers worked out by hand for R = 3 mm, E = 3.25e7 Pa, nu = 0.34, rho = 1050: a wrong factor shows."""
+    """Numbers worked out by hand for R = 3 mm, E = 3.25e7 Pa, nu = 0.34, rho = 1050: another factor would be seen."""
     one = scene(gravity=(0, 0, 0))
     shear = 3.25e7 / 2.68
     assert rayleigh_time(one) == pytest.approx(np.pi * 0.003 * (1050 / shear) ** 0.5 / 0.932054, rel=1e-12)
@@ -464,10 +464,10 @@ def test_start_overlaps_against_every_pair(periodic: tuple[bool, bool, bool]) ->
     i, j = np.triu_indices(n, 1)
     share = (radius[i] + radius[j] - np.linalg.norm(d[i, j], axis=1)) / np.minimum(radius[i], radius[j])
     worst = int(np.argmax(share))
-    with pytest.raises(SceneError) as told:
+    with pytest.raises(SceneError) as caught:
         scene(**data)
     found = f"{(share > 0.1).sum()} pairs overlap at the start, the worst: {i[worst] + 1} and {j[worst] + 1} "
-    assert found in str(told.value)
+    assert found in str(caught.value)
     assert ((share > 0) & (share < 0.1)).any()
 
 

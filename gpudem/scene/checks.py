@@ -40,37 +40,37 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
     """
     found: list[str] = []
 
-    def holds(check: Callable[[Scene], list[str]], *sections: str) -> bool:
+    def run_check(check: Callable[[Scene], list[str]], *sections: str) -> bool:
         if not set(sections).isdisjoint(invalid):
             return False
         new = check(scene)
         found.extend(new)
         return not new
 
-    particles = holds(_particle_materials, "materials", "particles")
-    walls = holds(_wall_materials, "materials", "walls")
-    pairs = holds(_pair_materials, "materials", "pairs")
-    domain = holds(_domain, "domain")
-    walls = walls and domain and holds(_walls, "walls", "domain")
-    units = holds(_material_units, "materials", "allow")
-    units = holds(_gravity_units, "gravity", "allow") and units
-    holds(_pair_units, "pairs", "allow")
-    speed = holds(_speed_units, "contact", "allow")
-    holds(_duration, "time")
-    if not (particles and holds(_state)):
+    particles = run_check(_particle_materials, "materials", "particles")
+    walls = run_check(_wall_materials, "materials", "walls")
+    pairs = run_check(_pair_materials, "materials", "pairs")
+    domain = run_check(_domain, "domain")
+    walls = walls and domain and run_check(_walls, "walls", "domain")
+    units = run_check(_material_units, "materials", "allow")
+    units = run_check(_gravity_units, "gravity", "allow") and units
+    run_check(_pair_units, "pairs", "allow")
+    speed = run_check(_speed_units, "contact", "allow")
+    run_check(_duration, "time")
+    if not (particles and run_check(_state)):
         return found
-    paired = pairs and walls and holds(_pairs, "contact")
-    periodic = domain and holds(_periodic, "solver")
-    if holds(_radius_units) and units and domain:
-        if holds(_inside) and periodic:
-            holds(_overlaps, "allow")
+    paired = pairs and walls and run_check(_pairs, "contact")
+    periodic = domain and run_check(_periodic, "solver")
+    if run_check(_radius_units) and units and domain:
+        if run_check(_inside) and periodic:
+            run_check(_overlaps, "allow")
         if walls:
-            holds(_behind_walls, "allow")
-            holds(_reachable_walls)
+            run_check(_behind_walls, "allow")
+            run_check(_reachable_walls)
             if paired and speed:
-                holds(_time_step, "time", "contact", "gravity", "allow")
-            holds(_vibration, "time", "solver", "allow")
-        holds(_trace, "time", "output", "allow")
+                run_check(_time_step, "time", "contact", "gravity", "allow")
+            run_check(_vibration, "time", "solver", "allow")
+        run_check(_trace, "time", "output", "allow")
     return found
 
 
@@ -214,7 +214,7 @@ def _behind_walls(scene: Scene) -> list[str]:
 def _lattice_within(scene: Scene) -> bool:
     """A lattice is without overlap as it is made, also through periodic sides where it lies within them.
 
-    To search a million spheres takes most of a second.
+    A search of a million spheres takes most of a second.
     """
     particles, domain = scene.particles, scene.domain
     return particles.source == "lattice" and all(
@@ -367,7 +367,7 @@ def warnings(scene: Scene) -> list[str]:
 
 
 def scene_warnings(scene: Scene) -> list[str]:
-    """The warnings of a scene but for `step_warnings`: for codes whose steps only say when to write."""
+    """The warnings of a scene without `step_warnings`: for codes whose time step only sets when to write."""
     found = [*rounded_times(scene), *without_effect(scene), *unexpected(scene)]
     return list(dict.fromkeys(found))
 

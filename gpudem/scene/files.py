@@ -88,7 +88,7 @@ def take_auto_step(data: dict[str, Any]) -> tuple[bool, dict[str, Any]]:
 
 
 def problems(error: ValidationError, model: type[BaseModel]) -> list[str]:
-    """One line for each finding: key, value, what is wrong, what is allowed."""
+    """One line for each finding: key, value, problem, what is allowed."""
     found = error.errors(include_url=False)
     # a list whose only entry is bad is not also too short
     inner = {item["loc"][:k] for item in found for k in range(len(item["loc"]))}
@@ -112,7 +112,7 @@ def partial(model: type[AnyModel], data: dict[str, Any]) -> tuple[AnyModel, set[
     return model.model_construct(**valid), invalid
 
 
-#: What pydantic calls a wrong kind of value, in words.
+#: Kinds of pydantic errors about the type of a value -> message.
 _KINDS = {
     "model_type": "must be a table",
     "dict_type": "must be a table",

@@ -122,7 +122,7 @@ class Scene(Model):
     def replace(self, **changes: Any) -> Scene:
         """A copy with other values, validated anew: `scene.replace(time={"step": 1e-6}, gravity=(0, 0, 0))`.
 
-        A mapping changes the given keys of that section and keeps the rest, unless it names another `source`.
+        A mapping changes the given keys of that section only, unless it names another `source`.
         """
         data = self.model_dump()
         for key, value in changes.items():
@@ -142,8 +142,8 @@ class Scene(Model):
     def __getstate__(self) -> dict[Any, Any]:
         """For pickling: the statement, and the particles read from a file; no law, which has device functions."""
         state = super().__getstate__()
-        kept = {*type(self).model_fields, "particle_file"}
-        return {**state, "__dict__": {k: v for k, v in state["__dict__"].items() if k in kept}}
+        names = {*type(self).model_fields, "particle_file"}
+        return {**state, "__dict__": {k: v for k, v in state["__dict__"].items() if k in names}}
 
     @functools.cached_property
     def hash(self) -> str:

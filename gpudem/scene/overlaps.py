@@ -22,9 +22,9 @@ PIECE = 300_000
 BLOCK = 200
 #: Pairs within reach for each particle, beyond which a search is crowded (without overlap: below 40).
 CROWD = 60
-#: Points that say whether it is.
+#: Points sampled to decide whether it is.
 SAMPLE = 500
-#: Overlapping pairs after which the search ends: enough to say that the scene is unusable.
+#: Overlapping pairs after which the search ends: the scene is unusable.
 ENOUGH = 200_000
 
 

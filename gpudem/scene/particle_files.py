@@ -13,7 +13,7 @@ A .csv file is UTF-8 text, separated by commas, with a header; .npz and .vtu fil
                           force, torque (n, 3)       ignored: they follow from the state
 
 The frames of a run have all of these. The points of a .vtu file are its positions; where an array `position`
-says otherwise (a filter has moved the points), the points are used, and the scene's warnings say so.
+differs (a filter has moved the points), the points are used, with a warning of the scene.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import io
+import re
 from pathlib import Path
 from typing import Any
 
@@ -195,7 +196,13 @@ def _material_indices(values: np.ndarray, materials: dict[str, int]) -> np.ndarr
 def _index(text: str, materials: dict[str, int]) -> int:
     """Index of a material from its name or its number; -1 for neither."""
     text = text.strip()
-    return materials.get(text, int(text) if text.isascii() and text.isdigit() and len(text) < 10 else -1)
+    if text in materials:
+        return materials[text]
+    try:
+        number = float(text)
+    except ValueError:
+        return -1
+    return int(number) if number.is_integer() and abs(number) < 2**31 else -1
 
 
 def _order(ids: np.ndarray, count: int) -> np.ndarray:
@@ -216,8 +223,8 @@ def _order(ids: np.ndarray, count: int) -> np.ndarray:
 def _csv(path: Path) -> Columns:
     header, rows = _table(path)
     if not {"x", "y", "z"} <= set(header):
-        alone = header[0] if len(header) == 1 else ""
-        other = next((mark for mark in (";", "\t", " ") if mark in alone), None)
+        whole = header[0] if len(header) == 1 else ""
+        other = next((mark for mark in (";", "\t", " ") if mark in whole), None)
         if other:
             raise ValueError(f"columns are separated by {other!r}; must be separated by ','")
         raise ValueError(f"columns x, y, z needed; found: {', '.join(header) or 'none'}")
@@ -278,6 +285,11 @@ def _vtu(path: Path) -> Columns:
     columns, cell_arrays = read_vtu_and_cells(path)
     if cell_arrays:
         raise ValueError(f"array {cell_arrays[0]!r} belongs to cells; particles are points")
+    start, _, _ = path.read_bytes().partition(b"</PointData>")
+    names = re.findall(rb'<DataArray[^>]*\bName="([^"]*)"', start.partition(b"<PointData")[2])
+    twice = [name.decode(errors="replace") for name in names if names.count(name) > 1]
+    if twice:  # the reader would give the last of them
+        raise ValueError(f"array {twice[0]!r} given twice")
     return columns
 
 

@@ -1,7 +1,7 @@
-"""What a valid scene states in vain or other than it will be: settings without effect, rounded times.
+"""Warnings of a valid scene: settings without effect, rounded and extended times, a scene that cannot move.
 
 Each function reads a scene and returns sentences, each naming key, value and reason. A value at its default
-is no setting: a scene does not tell whether it was stated.
+is no setting: a scene does not record whether it was stated.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ def _particles(scene: Scene) -> Iterator[str]:
     if particles.jitter > 0 and not shifted:
         yield (
             f"particles.jitter = {particles.jitter:g}: no effect with spacing = 1, which leaves no gap;"
-            " jitter = 0 says so"
+            " state jitter = 0"
         )
     mixed = isinstance(particles.radius, tuple)
     if particles.seed and not (shifted or mixed or particles.velocity_rms):
@@ -164,7 +164,7 @@ def _solver(scene: Scene) -> Iterator[str]:
 
 
 def rounded_times(scene: Scene) -> list[str]:
-    """Times that the run takes otherwise than stated: rounded to whole steps, extended, never reached."""
+    """Times of the run that differ from those stated: rounded to whole steps, extended, never reached."""
     return [
         *_duration(scene),
         *_intervals(scene),

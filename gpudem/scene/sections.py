@@ -1,4 +1,4 @@
-"""The sections of a scene, each with its keys, units and defaults: what a scene file may say.
+"""The sections of a scene, each with its keys, units and defaults: what a scene file may state.
 
 [materials.NAME]  [[pairs]]  [contact]  [particles]  [[walls]]  [domain]  [time]  [output]  [solver]
 """
@@ -198,8 +198,8 @@ class Lattice(Model):
 class Vibration(Model):
     """Saw-tooth motion of a plane along its normal: it moves at `speed` over `amplitude` and snaps back.
 
-    Amplitude 0 is the limit of a fast floor: the plane stands still between contacts, and whoever meets it
-    finds it moving at `speed` until they part; hard spheres leave with v' = (1 + e) U - e v.
+    Amplitude 0 is the limit of a fast floor: the plane is at rest between contacts, and a particle in
+    contact sees a wall velocity U until separation; hard spheres leave with v' = (1 + e) U - e v.
     """
 
     speed: Annotated[float, positive("m/s")]
@@ -294,7 +294,7 @@ class Plane(Wall):
         u -= (u @ normal) * normal
         u /= np.linalg.norm(u)
         v = np.cross(normal, u)
-        half = [np.abs((hi - lo) @ d) / 2 if np.abs(normal).max() > 1 - 1e-12 else size / 2 for d in (u, v)]
+        half = [np.abs((hi - lo) @ d) / 2 if np.count_nonzero(normal) == 1 else size / 2 for d in (u, v)]
         corners = [foot + a * half[0] * u + b * half[1] * v for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
         return np.array(corners), np.arange(4).reshape(1, 4)
 
@@ -378,7 +378,7 @@ def wall_sections() -> dict[str, type[Model]]:
 
 
 def _wall_section(value: Any) -> Any:
-    """A wall as the section of its kind; what is wrong in it is found by that section."""
+    """A wall as the section of its kind, which validates it."""
     if isinstance(value, Wall | Box):
         return value
     if not isinstance(value, dict):

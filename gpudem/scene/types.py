@@ -1,4 +1,4 @@
-"""Validated field types of a scene: numbers that know their unit and range, vectors, arrays, names.
+"""Validated field types of a scene: numbers with their unit and range, vectors, arrays, names.
 
     young: Annotated[float, positive("Pa")]
 
