@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 
 from comparisons import codes, execute, progress, provenance, setup_table
 from gpudem.errors import GpudemError
@@ -30,8 +29,6 @@ def run(path: Path, code: str, options: codes.Options, out: Path | None, quiet: 
         execute.own_directory(out) if out else execute.new_directory(Path("runs"), provenance.commit()[0])
     )
     (directory / "scene.json").write_text(scene.to_json())
-    for warning in scene_checks.step_warnings(scene):
-        click.echo(f"warning: {warning}", err=True)
     return _shown(
         scene, path, code, directory, quiet,
         lambda step: codes.CODES[code].run(scene, directory, options, step, {}),
@@ -56,6 +53,9 @@ def _shown(
     """Run with progress and a last line; Ctrl-C keeps what is on disk. Raises RunError."""
     reporter = progress.reporter(quiet)
     reporter.say(f"{scene.name}: {len(scene.state)} particles, {scene.n_steps} steps -> {directory}")
+    before = scene_checks.scene_warnings(scene) if code == "event_driven" else scene_checks.warnings(scene)
+    for warning in before:
+        click.echo(f"warning: {warning}", err=True)
     reporter.begin(scene.name, len(scene.state), scene.n_steps)
     try:
         result = start(reporter.step)
@@ -72,7 +72,6 @@ def _shown(
     finally:
         reporter.end()
         reporter.close()
-    before = scene_checks.step_warnings(scene)
     for warning in (w for w in result.warnings if w not in before):
         click.echo(f"warning: {warning}", err=True)
     t = result.timing
@@ -130,17 +129,5 @@ def validate(path: Path) -> int:
 
 
 def warnings(scene: Scene) -> list[str]:
-    """What is allowed and still worth a second look."""
-    found = [f"check waived: {name}" for name in scene.allow] + scene_checks.step_warnings(scene)
-    speed = float(np.linalg.norm(scene.state.velocity, axis=1).max())
-    if not scene.needs.gravity and speed == 0:
-        found.append("no gravity and no start velocity: nothing will move unless particles overlap")
-    if scene.needs.gravity and not scene.walls and not scene.needs.periodic:
-        found.append("gravity and no wall: particles will leave the domain, which ends the run")
-    stated = scene.time.duration / scene.time.step
-    if abs(scene.n_steps - stated) > 0.5:
-        found.append(f"duration is rounded up to whole frames: {scene.n_steps * scene.time.step:g} s")
-    size = scene.n_steps // scene.frame_stride * len(scene.state) * 150
-    if size > 2e9:
-        found.append(f"frames will take about {size / 1e9:.1f} GB")
-    return found
+    """The checks that the scene waives, and the warnings that every run of it gets."""
+    return [*(f"check waived: {name}" for name in scene.allow), *scene_checks.warnings(scene)]

@@ -126,7 +126,7 @@ def _run(
                 precision=scene.solver.precision,
                 peak_memory_bytes=peak_memory(),
             ),
-            warnings=checks.step_warnings(scene) + guards.energy_warnings(scene, recorder.history),
+            warnings=checks.warnings(scene) + guards.energy_warnings(scene, recorder.history),
             notes=notes,
             trace=recorder.trace,
             history=recorder.history,

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from gpudem.output.run import Run, Timing
-from gpudem.scene import Scene
+from gpudem.scene import Scene, checks
 from reference.liggghts import binary as program
 from reference.liggghts import dump, recorded
 from reference.liggghts.deck import RAW, TRACE, render
@@ -62,8 +62,9 @@ def run(
     )  # fmt: skip
     notes = {"deck_hash": deck.hash, "ranks": ranks, "recorded": False, "binary": binary, **console.counts}
     result = Run(
-        "liggghts", console.version, scene, directory, timing, list(console.warnings), notes, traced, history
-    )
+        "liggghts", console.version, scene, directory, timing,
+        [*checks.warnings(scene), *console.warnings], notes, traced, history,
+    )  # fmt: skip
     result.save()
     return result
 

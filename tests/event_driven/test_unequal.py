@@ -6,10 +6,10 @@ radius; energies or a centre of mass by the first particle's mass.
 
 import numpy as np
 import pytest
+from gpudem.event_driven.statement import Statement
 
 from gpudem import event_driven
 from gpudem.event_driven.engine import Engine
-from gpudem.event_driven.statement import Statement
 from tests.event_driven import scenes
 
 RADII = np.array([0.02, 0.035])

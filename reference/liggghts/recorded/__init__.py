@@ -11,7 +11,7 @@ import numpy as np
 
 from gpudem.output.frames import FrameWriter
 from gpudem.run import HISTORY_COLUMNS, Run, Timing
-from gpudem.scene import Scene
+from gpudem.scene import Scene, checks
 
 FOLDER = Path(__file__).parent
 
@@ -70,7 +70,7 @@ def recall(key: str, scene: Scene, directory: Path, folder: Path = FOLDER) -> Ru
     history = pandas.DataFrame(parts["history"], columns=list(HISTORY_COLUMNS)) if parts["history"] else None
     run = Run(
         "liggghts", facts["version"], scene, directory, timing,
-        warnings=[*facts["warnings"], warning],
+        warnings=list(dict.fromkeys([*checks.warnings(scene), *facts["warnings"], warning])),
         notes={"deck_hash": key, "ranks": facts["ranks"], "recorded": True, "provenance": facts},
         trace=parts["trace"] or None,
         history=history,
