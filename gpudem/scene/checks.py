@@ -232,7 +232,8 @@ def _overlaps(scene: Scene) -> list[str]:
         return []
     i, j = found.worst
     return [
-        f"particles: {'' if found.complete else 'at least '}{found.count} pairs overlap at the start, the worst:"
+        f"particles: {'' if found.complete else 'at least '}{found.count} pairs overlap at the start,"
+        " the worst:"
         f" {i + 1} and {j + 1} by {found.overlap:.3g} m"
         f" (allowed: {MAX_START_OVERLAP:g} of the smaller radius); waive with allow = ['overlap']"
     ]
@@ -361,7 +362,7 @@ def warnings(scene: Scene) -> list[str]:
     """What a valid scene states and a user may not expect, one sentence each: the same wherever it is shown.
 
     A step that is stable and above the usual limits, times that are rounded or extended, settings without
-    effect, a scene in which nothing can move or everything leaves. Checks that the scene waives are not listed.
+    effect, a scene in which nothing can move or everything leaves. Waived checks are not listed.
     """
     return [*step_warnings(scene), *scene_warnings(scene)]
 

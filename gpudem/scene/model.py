@@ -140,7 +140,7 @@ class Scene(Model):
         return copied
 
     def __getstate__(self) -> dict[Any, Any]:
-        """For pickling: the statement, and the particles read from a file; no law, which has device functions."""
+        """For pickling: the statement, and the particles read from a file; no law."""
         state = super().__getstate__()
         names = {*type(self).model_fields, "particle_file"}
         return {**state, "__dict__": {k: v for k, v in state["__dict__"].items() if k in names}}
@@ -215,7 +215,7 @@ class Scene(Model):
 
     @functools.cached_property
     def wall_elements(self) -> list[Wall]:
-        """All walls as elementary ones: boxes as planes, named `<box>_<side>`; normals as `Plane.unit_normal`."""
+        """All walls as elementary ones: a box as planes, named `<box>_<side>`."""
         return [e for wall in self.walls for e in wall.elements(self.domain.lo, self.domain.hi)]
 
     @property

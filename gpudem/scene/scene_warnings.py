@@ -142,8 +142,8 @@ def _particles(scene: Scene) -> Iterator[str]:
         for k, part in enumerate(particles.radius):
             if part.radius not in drawn:
                 yield (
-                    f"particles.radius[{k}] = {part.radius:g} m: none of the {particles.count} particles has it;"
-                    f" its share is {part.share:g}"
+                    f"particles.radius[{k}] = {part.radius:g} m:"
+                    f" none of the {particles.count} particles has it; its share is {part.share:g}"
                 )
 
 

@@ -256,13 +256,34 @@ def entry_search(spec: Spec) -> Any:
 
 
 @functools.cache
+def overlap_check(spec: Spec) -> Any:
+    """A function: reports a pair whose overlap exceeds the guard's limit; `touch`: where laws act."""
+    t = structs(spec.precision)
+    wide = t.wide
+
+    @wp.func
+    def check(
+        params: t.Params, particles: t.Particles, i: wp.int32, j: wp.int32, rsq: wide, touch: wide,
+        status: wp.array[wp.int64],
+    ):  # fmt: skip
+        smaller = params.radius
+        if wp.static(spec.polydisperse):
+            smaller = wp.min(particles.radius[i], particles.radius[j])  # mutate: smaller_radius
+        deep = touch - params.range - params.overlap_limit * smaller
+        if deep > wide(0.0) and rsq < deep * deep:
+            write_report(status, i // params.block, wp.int32(TOO_DEEP), particles.id[i], particles.id[j])
+
+    return check
+
+
+@functools.cache
 def neighbor_search(spec: Spec) -> Any:
     """A function: writes the neighbors of particle i, those in contact first; returns how many there are.
 
     They go to `out` from `base` on, as many as there is `room` for.
     """
     t = structs(spec.precision)
-    Params, Particles, wide = t.Params, t.Particles, t.wide
+    Params, Particles, check_overlap = t.Params, t.Particles, overlap_check(spec)
     nearest = nearest_image(spec.periodic, spec.precision)
     get, integers = access(t.wide3).get, access(wp.int32)
     get_int, put_int = integers.get, integers.put
@@ -319,16 +340,7 @@ def neighbor_search(spec: Spec) -> Any:
                                     entry = -j - 1
                                 at = wp.int32(0) + touching
                                 touching += 1
-                                smaller = params.radius
-                                if wp.static(spec.polydisperse):
-                                    # mutate: smaller_radius
-                                    smaller = wp.min(particles.radius[i], particles.radius[j])
-                                deep = touch - params.range - params.overlap_limit * smaller
-                                if deep > wide(0.0) and rsq < deep * deep:
-                                    write_report(
-                                        status, i // params.block, wp.int32(TOO_DEEP),
-                                        particles.id[i], particles.id[j],
-                                    )  # fmt: skip
+                                check_overlap(params, particles, i, j, rsq, touch, status)
                             if count < room:
                                 put_int(out, base + count, get_int(out, base + at))
                                 put_int(out, base + at, entry)

@@ -67,6 +67,12 @@ def particle_reader(spec: Spec) -> SimpleNamespace:
         return params.mass
 
     @wp.func
+    def material_of(particles: Particles, j: wp.int32):
+        if wp.static(spec.multi_material):
+            return particles.material[j]
+        return wp.int32(0)
+
+    @wp.func
     def pair_of(params: Params, particles: Particles, laws: Laws, material: wp.int32, j: wp.int32):
         if wp.static(spec.multi_material):
             # mutate: pair_coefficients
@@ -87,7 +93,7 @@ def particle_reader(spec: Spec) -> SimpleNamespace:
         return next_spin_of(now, j)
 
     return SimpleNamespace(
-        radius=radius_of, mass=mass_of, pair=pair_of,
+        radius=radius_of, mass=mass_of, material=material_of, pair=pair_of,
         velocity=velocity_of, spin=spin_of, velocity_ahead=velocity_ahead, spin_ahead=spin_ahead,
     )  # fmt: skip
 
@@ -143,6 +149,45 @@ def entry_access(spec: Spec) -> SimpleNamespace:
                     put_int(particles.neighbor, k, -other - 1)
 
     return SimpleNamespace(partner=partner, part=part, spring=spring, rolling=rolling, store=store)
+
+
+@functools.cache
+def partial_sums(spec: Spec) -> SimpleNamespace:
+    """Functions for the sums of a half list; with a full list they do nothing.
+
+    take(particles, i) -> (force, torque) that the particles before i in its block have left for it.
+    add(particles, i, j, end of the block, force on i, torque on j) -> 1 if j is in the block, and its force
+    and torque were added to its sums, else 0.
+    """
+    t = structs(spec.precision)
+    Particles, vec3 = t.Particles, t.vec3
+    vectors = access(vec3)
+    get, put, subtract = vectors.get, vectors.put, vectors.subtract
+
+    @wp.func
+    def take(particles: Particles, i: wp.int32):
+        if wp.static(not spec.half_list):
+            return vec3(), vec3()
+        force, torque = get(particles.partial_force, i), vec3()
+        put(particles.partial_force, i, vec3())  # mutate: force_of_block_taken
+        if wp.static(spec.rotation):
+            torque = get(particles.partial_torque, i)
+            put(particles.partial_torque, i, vec3())
+        return force, torque
+
+    @wp.func
+    def add(
+        particles: Particles, i: wp.int32, j: wp.int32, block_end: wp.int32, force: vec3, torque_j: vec3
+    ):  # fmt: skip
+        if wp.static(spec.half_list):
+            if j > i and j < block_end:
+                subtract(particles.partial_force, j, force)  # mutate: partner_force
+                if wp.static(spec.rotation):
+                    subtract(particles.partial_torque, j, -torque_j)
+                return 1
+        return 0
+
+    return SimpleNamespace(take=take, add=add)
 
 
 @functools.cache
@@ -216,12 +261,12 @@ def step_kernel(spec: Spec) -> Any:
     )
     Body, position_of, end_step = body_struct(spec), body_reader(spec, "position"), step_end(spec)
     of, entry_of = particle_reader(spec), entry_access(spec)
-    radius_of, mass_of, pair_of = of.radius, of.mass, of.pair
+    radius_of, mass_of, material_of, pair_of = of.radius, of.mass, of.material, of.pair
     velocity_of, spin_of, velocity_ahead, spin_ahead = of.velocity, of.spin, of.velocity_ahead, of.spin_ahead
     partner, part, spring_of, rolling_of = entry_of.partner, entry_of.part, entry_of.spring, entry_of.rolling
     store = entry_of.store
-    vectors, get_int = access(vec3), access(wp.int32).get
-    get, put, subtract = vectors.get, vectors.put, vectors.subtract
+    get_int, sums = access(wp.int32).get, partial_sums(spec)
+    take_partial_sums, add_to_partner = sums.take, sums.add
     geometry, procedure, convert = (
         contact_geometry(spec),
         contact_procedure(spec),
@@ -257,24 +302,15 @@ def step_kernel(spec: Spec) -> Any:
             return
         x, v, w = position_of(now, i), velocity_of(now, i), spin_of(now, i)
         radius, mass = radius_of(params, particles, i), mass_of(params, particles, i)
-        material = wp.int32(0)
-        if wp.static(spec.multi_material):
-            material = particles.material[i]
+        material = material_of(particles, i)
         dt = params.dt
         if mode & SETUP:
             dt = real(0.0)  # mutate: no_time_at_setup
         v_next, w_next = v, w
         if wp.static(spec.path):
             v_next, w_next = velocity_ahead(now, i, mode), spin_ahead(now, i, mode)
-        force, torque, contacts = vec3(), vec3(), wp.int32(0)
-        block_end = wp.int32(0)
-        if wp.static(spec.half_list):
-            block_end = (i // params.block + 1) * params.block
-            force = get(particles.partial_force, i)
-            put(particles.partial_force, i, vec3())  # mutate: force_of_block_taken
-            if wp.static(spec.rotation):
-                torque = get(particles.partial_torque, i)
-                put(particles.partial_torque, i, vec3())
+        force, torque = take_partial_sums(particles, i)
+        contacts, block_end = wp.int32(0), (i // params.block + 1) * params.block
         first, last = get_int(particles.start, i), get_int(particles.start, i + 1)
         first_wall = last
         if wp.static(bool(spec.walls)):
@@ -297,14 +333,10 @@ def step_kernel(spec: Spec) -> Any:
                         # mutate: pair_at_edge
                         c = sphere_contact(d, rsq, radius, radius_j, mass, mass_of(params, particles, j))
                         v_rel, v_rel_next = v - velocity_of(now, j), v_next - velocity_ahead(now, j, mode)
-                        # mutate: pair_edge_force
-                        f = damping_apart(
-                            c, v_rel, v_rel_next, pair_of(params, particles, laws, material, j), dt
-                        )
+                        pair = pair_of(params, particles, laws, material, j)  # mutate: edge_coefficients
+                        f = damping_apart(c, v_rel, v_rel_next, pair, dt)  # mutate: pair_edge_force
                         force += f
-                        if wp.static(spec.half_list):
-                            if j > i and j < block_end:
-                                subtract(particles.partial_force, j, f)  # mutate: partner_edge_force
+                        add_to_partner(particles, i, j, block_end, f, vec3())  # mutate: partner_edge_force
                 continue
             c = sphere_contact(d, rsq, radius, radius_j, mass, mass_of(params, particles, j))
             lever_j = real(radius_j) - real(0.5) * c.overlap  # mutate: partner_lever
@@ -321,20 +353,11 @@ def step_kernel(spec: Spec) -> Any:
             )  # fmt: skip
             force += f
             torque -= c.lever * n_cross_ft + rolling  # mutate: pair_torque
-            contacts += 1
-            if wp.static(spec.half_list):
-                if j > i and j < block_end:
-                    subtract(particles.partial_force, j, f)  # mutate: partner_force
-                    if wp.static(spec.rotation):
-                        torque_j = rolling - lever_j * n_cross_ft  # mutate: partner_torque
-                        subtract(particles.partial_torque, j, -torque_j)
-                    contacts += 1
+            torque_j = rolling - lever_j * n_cross_ft  # mutate: partner_torque
+            contacts += 1 + add_to_partner(particles, i, j, block_end, f, torque_j)
             store(particles, k, entry, j, spring, rolling, mode)
 
         if wp.static(bool(spec.walls)):
-            contact_gap = radius
-            if wp.static(spec.long_range):
-                contact_gap = radius + params.range
             for k in range(first_wall, last):
                 entry = get_int(particles.neighbor, k)
                 other = partner(entry)
@@ -347,7 +370,7 @@ def step_kernel(spec: Spec) -> Any:
                 if wp.static(spec.moving_walls):
                     gap = fast_gap(params, walls, particles, k, wall, gap, normal, radius, v, dt)
                 wall_pair = laws.wall_pairs[wall * params.materials + material]  # mutate: wall_coefficients
-                if not (gap <= contact_gap):
+                if not (gap <= radius + params.range):
                     part(particles, k, entry, other)
                     if wp.static(spec.path):
                         if not (mode & SETUP):
@@ -373,8 +396,7 @@ def step_kernel(spec: Spec) -> Any:
 
         if wp.static(spec.gravity):
             force += mass * params.gravity  # mutate: gravity
-        end_step(
-            params, mode, launch, i, x, v, w, radius, mass, force, torque, contacts, particles, after, output
-        )
+        end_step(params, mode, launch, i, x, v, w, radius, mass, force, torque, contacts,
+                 particles, after, output)  # fmt: skip
 
     return step
