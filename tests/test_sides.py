@@ -123,15 +123,18 @@ def test_frames_are_read_back(lo: float, hi: float, dtype: type, tmp_path: Path)
 
 @pytest.mark.parametrize(("tilt", "refused"), [(6e-17, False), (-1e-13, False), (1e-11, True), (1e-9, True)])
 def test_hard_spheres_refuse_a_tilt_and_no_rounding(tilt: float, refused: bool) -> None:
-    from gpudem.event_driven.statement import Statement
+    from gpudem.event_driven.problem import HardSphereProblem
 
     floor = Plane(name="floor", material="a", point=(0, 0, -1), normal=(tilt, 0, 1))
     one = scene([[0.2, 0, 0]], 0.1, 0.3, periodic=False, walls=[floor])
     if refused:
-        with pytest.raises(SceneError, match=r"walls\.floor\.normal = .*: must lie along an axis"):
-            Statement.of(one)
+        with pytest.raises(SceneError, match=r"walls\.floor\.normal = .*: must be along an axis"):
+            HardSphereProblem.from_scene(one)
     else:
-        assert Statement.of(one).segments[0][2].present.tolist() == [False] * 4 + [True, False]
+        assert HardSphereProblem.from_scene(one).segments[0][2].present.tolist() == [False] * 4 + [
+            True,
+            False,
+        ]
     points, _ = one.planes[0].outline(np.array([0.1, -1, -1]), np.array([0.3, 1, 1]))
     assert (np.ptp(points[:, 0]) > 0.21) == refused, (
         "drawn cut to the domain only where it lies along its sides"
@@ -140,13 +143,12 @@ def test_hard_spheres_refuse_a_tilt_and_no_rounding(tilt: float, refused: bool) 
 
 def test_hard_spheres_and_decks_get_the_same_places() -> None:
     """A ball on the upper periodic face is at the lower one in what each code starts from."""
-    from gpudem.event_driven.statement import Statement
-
+    from gpudem.event_driven.problem import HardSphereProblem
     from reference.liggghts import deck
 
     floor = Plane(name="floor", material="a", point=(0, 0, -1), normal=(0, 0, 1))
     one = scene([[0.3, 0, 0]], 0.1, 0.3, walls=[floor])
     x = float(one.state.position[0, 0])
     assert x == pytest.approx(0.1)
-    assert Statement.of(one).position[0, 0] == x
+    assert HardSphereProblem.from_scene(one).position[0, 0] == x
     assert f"{x:.17g} 0 0" in deck.data(one)
