@@ -116,7 +116,7 @@ class Simulation:
         solver, here = self._solver, self._solver.step_count
         removals = self._removals()
         if here in removals and here > 0:
-            solver.start(self._present())
+            solver.start(self._present())  # mutate: set_up_at_removal
         end = min([end, *(step for step in removals if step > here)])
         solver.advance(end - here - 1)
         solver.write_step()
@@ -127,6 +127,7 @@ class Simulation:
     def _present(self) -> list[Wall]:
         """The walls that are there in the step to come."""
         here = self._solver.step_count
+        # mutate: walls_of_next_step
         return [
             wall
             for wall in self.scene.wall_elements
@@ -171,12 +172,12 @@ class Simulation:
         given = self._checked(name, values)
         solver, state = self._solver, self._solver.state
         with self._closed_by_errors():
-            solver.rewind()
+            solver.rewind()  # mutate: rewind_before_write
             ids = state.particles.id
             self._launch(set_body_by_id(solver.spec, name), [ids, given], [state.now])
             if name != "position":
                 self._launch(scatter_by_id(state.types.wide3), [ids, given], [getattr(state.output, name)])
-            solver.start(self._present(), write=True)
+            solver.start(self._present(), write=True)  # mutate: set_up_after_write
 
     def _checked(self, name: str, values: Any) -> wp.array:
         if name not in WRITABLE:

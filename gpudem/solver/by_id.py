@@ -25,7 +25,7 @@ def gather_by_id(dtype: Any) -> Any:
         out: wp.array[dtype],
     ):
         i = wp.tid()
-        out[id[i]] = values[i]
+        out[id[i]] = values[i]  # mutate: read_by_id
 
     return gather
 
@@ -74,7 +74,7 @@ def position_by_id(spec: Spec) -> Any:
             y, _y = wrap(y, params.lo[1], params.hi[1])
         if wp.static(pz):
             z, _z = wrap(z, params.lo[2], params.hi[2])
-        out[id[i]] = t.wide3(x, y, z)
+        out[id[i]] = t.wide3(x, y, z)  # mutate: read_position_by_id
 
     return gather
 
@@ -96,7 +96,7 @@ def set_body_by_id(spec: Spec, field: str) -> Any:
         if wp.static(field == "position"):
             bodies[i].position = given[id[i]]
         elif wp.static(field == "velocity"):
-            bodies[i].velocity = given[id[i]]
+            bodies[i].velocity = given[id[i]]  # mutate: write_velocity_by_id
         else:
             bodies[i].angular_velocity = given[id[i]]
 
