@@ -1,4 +1,4 @@
-# pyright: reportInvalidTypeForm=false, reportIndexIssue=false
+# pyright: reportAttributeAccessIssue=false, reportIndexIssue=false, reportInvalidTypeForm=false
 """Arrays of particles in order of id, to and from the sorted order of the solver, on the device."""
 
 import functools

@@ -16,6 +16,8 @@ from gpudem.solver.solver import Solver
 from tests.gpudem.beds import finish
 from tests.reference.scenes import AGREEMENT
 
+pytestmark = pytest.mark.long
+
 U = 2.0**-24
 #: Overlaps as a share of the smaller radius.
 SHARES = np.logspace(-7, -2, 11)

@@ -15,6 +15,8 @@ from tests.gpudem.beds import finish
 from tests.gpudem.impacts import KINDS, errors, exact, impacts, orders, spin_errors
 from tests.reference.exact_impact import exact_impact
 
+pytestmark = pytest.mark.long
+
 LAWS = {
     "hertz": {"normal": "hertz"},
     "hooke": {"normal": "hooke", "characteristic_velocity": 1.0},
