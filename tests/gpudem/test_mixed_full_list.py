@@ -58,7 +58,7 @@ def touching(origin: float, radii=RADII, materials=("soft", "hard"), drift: floa
 def forces(scene: Scene, precision: str, half_list: bool) -> dict[str, np.ndarray]:
     """Set-up forces and torques, by id."""
     solver = Solver(scene.replace(solver={"precision": precision}), half_list=half_list)
-    solver.start(scene.planes, write=True)
+    solver.start(write=True)
     found = solver.frame()
     solver.close()
     return found

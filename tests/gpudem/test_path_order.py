@@ -107,6 +107,7 @@ def test_errors_see_another_law():
     stated = impacts(320, 0.0, {}, friction=0.0)
     pairs = [p.model_dump() | {"restitution": min(1.0, p.restitution + 0.01)} for p in stated.pairs]
     trace = simulate(stated.replace(pairs=pairs)).trace
+    assert trace is not None
     found = errors(stated, trace, exact(stated))
     assert set(found) == set(KINDS)
     assert min(found.values()) > 2e-3
