@@ -1,4 +1,4 @@
-"""The search for start overlaps by size class, against every pair; its cost with sizes 1:50 and in a crowd."""
+"""The search for start overlaps by size class, against every pair; its cost at sizes 1:50 and in a crowd."""
 
 from __future__ import annotations
 

@@ -136,7 +136,7 @@ class Scene(Model):
         """Pydantic's copy, not validated; without what has been derived from the original."""
         copied = super().model_copy(**options)
         for name in set(vars(copied)) - set(type(self).model_fields):
-            del copied.__dict__[name]
+            vars(copied).pop(name)
         return copied
 
     def __getstate__(self) -> dict[Any, Any]:
