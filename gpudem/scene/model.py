@@ -139,7 +139,7 @@ class Scene(Model):
         """Pydantic's copy, not validated; without what has been derived from the original."""
         copied = super().model_copy(**options)
         for name in set(vars(copied)) - set(type(self).model_fields):
-            del copied.__dict__[name]  # pyright: ignore[reportIndexIssue]
+            vars(copied).pop(name)
         return copied
 
     def __getstate__(self) -> dict[Any, Any]:
@@ -261,16 +261,21 @@ class Scene(Model):
 
     @functools.cached_property
     def contact_pairs(self) -> list[Pair]:
-        """The pairs that can meet in this scene: particle with particle, particle with wall."""
+        """The pairs that can touch in this scene: particle with particle, particle with wall."""
+        return [pair for pair in self.pairs if self.can_touch(*pair.materials)]
+
+    def can_touch(self, a: str, b: str) -> bool:
+        """Whether a particle of one material can touch a particle or a wall of the other."""
+        ours, partners = self.touching_materials
+        return (a in ours and b in partners) or (b in ours and a in partners)
+
+    @functools.cached_property
+    def touching_materials(self) -> tuple[set[str], set[str]]:
+        """Names of the materials of particles, and of those of particles or walls."""
         ours = set(self.particle_materials)
         # mutate: pairs_in_contact
         partners = ours | {w.material for w in self.walls}
-        return [
-            pair
-            for pair in self.pairs
-            if (pair.materials[0] in ours and pair.materials[1] in partners)
-            or (pair.materials[1] in ours and pair.materials[0] in partners)
-        ]
+        return ours, partners
 
     @functools.cached_property
     def needs(self) -> Needs:
