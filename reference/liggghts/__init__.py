@@ -9,7 +9,7 @@ from pathlib import Path
 from gpudem.output.run import Run, Timing
 from gpudem.scene import Scene, checks
 from reference.liggghts import binary as program
-from reference.liggghts import dump, recorded
+from reference.liggghts import dump, limits, recorded
 from reference.liggghts.deck import RAW, TRACE, render
 from reference.liggghts.errors import LiggghtsFailed, LiggghtsNotFound
 from reference.liggghts.runner import execute
@@ -63,7 +63,7 @@ def run(
     notes = {"deck_hash": deck.hash, "ranks": ranks, "recorded": False, "binary": binary, **console.counts}
     result = Run(
         "liggghts", console.version, scene, directory, timing,
-        [*checks.warnings(scene), *console.warnings], notes, traced, history,
+        [*checks.warnings(scene), *limits.warnings(scene), *console.warnings], notes, traced, history,
     )  # fmt: skip
     result.save()
     return result
