@@ -9,7 +9,9 @@ from gpudem.event_driven.driver import run as run_events
 from gpudem.output.frames import Frames, FrameWriter
 from gpudem.output.run import Run
 from gpudem.output.vtu import Frame
-from tests.gpudem.beds import falling_bed
+from gpudem.scene import Scene
+from gpudem.solver.solver import Solver
+from tests.gpudem.beds import MATERIALS, PAIRS, falling_bed, finish
 from tests.reference.scenes import FACING, scene
 
 
@@ -85,3 +87,36 @@ def test_interrupt_keeps_what_there_is(tmp_path):
     assert len(kept.frames) >= 1
     assert np.isfinite(kept.frames[-1]["position"]).all()
     assert len(kept.history) >= 1
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_of_several_lost_particles_the_first_is_named(threads, monkeypatch):
+    """Two that leave in one step, of other slices: catches a message of parts of both, or of the last one."""
+    monkeypatch.setattr("gpudem.solver.solver.block_size", lambda n, layers: 50)
+    x, v, rows = np.full((200, 3), 0.05), np.zeros((200, 3)), np.array([20, 180])
+    x[:, 2] += 0.01 * np.arange(200)
+    v[rows, 0] = -50.0
+    scene = falling_bed(
+        walls=(), gravity=(0, 0, 0), time={"step": 2e-5, "duration": 0.1},
+        particles={"source": "explicit", "material": "ball", "radius": 0.003, "position": x, "velocity": v},
+        domain={"lo": (0, 0, 0), "hi": (0.1, 0.1, 2.1)},
+    )  # fmt: skip
+    with pytest.raises(SimulationError, match=f"^particle {rows.min() + 1} left the domain"):
+        finish(Solver(scene, threads=threads))
+
+
+def test_a_centre_on_the_far_side_of_a_wall_stays_finite():
+    """Rolling at a wall divides by the gap: catches an infinite or reversed spin where guards are waived."""
+    scene = Scene(
+        name="deep", materials=MATERIALS, pairs=[{**p, "rolling_friction": 0.1} for p in PAIRS],
+        contact={"rolling": "epsd2"}, allow=["overlap", "large_overlap", "time_step"],
+        particles={"source": "explicit", "material": "ball", "radius": 0.003,
+                   "position": [[0, 0, 0.0], [0.02, 0, -1e-4]], "angular_velocity": [[1.0, 0, 0]] * 2},
+        walls=[
+            {"kind": "plane", "name": "floor", "material": "wall", "point": (0, 0, 0), "normal": (0, 0, 1)}
+        ],
+        domain={"lo": (-0.1, -0.1, -0.1), "hi": (0.1, 0.1, 0.1)}, time={"step": 1e-6, "duration": 2e-6},
+    )  # fmt: skip
+    frame = finish(Solver(scene))
+    assert np.isfinite(frame["torque"]).all()
+    assert (np.abs(frame["force"][:, 2]) > 0).all()
