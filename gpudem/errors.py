@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 
 class GpudemError(Exception):
-    """Base of every error that gpudem raises on purpose."""
+    """Base of every error that gpudem raises on purpose.
+
+    Survives pickling, as process pools need, whatever arguments the `__init__` of a subclass takes.
+    """
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restore, (type(self), self.args, self.__dict__)
+
+
+def _restore(kind: type[GpudemError], args: tuple[Any, ...], attributes: dict[str, Any]) -> GpudemError:
+    """An exception as it was, without its `__init__`, whose arguments `args` need not be."""
+    error = kind.__new__(kind, *args)
+    error.args = args
+    error.__dict__.update(attributes)
+    return error
 
 
 class SceneError(GpudemError):
-    """The statement of a simulation is wrong: lists every problem found.
+    """The statement of a simulation is invalid: lists every problem found.
 
     Attributes:
         source: File or "<python>" that the statement came from.
@@ -22,4 +38,4 @@ class SceneError(GpudemError):
 
 
 class SimulationError(GpudemError):
-    """A run went wrong: lost particle, NaN, overflowed list. Frames already written stay on disk."""
+    """A run failed: lost particle, NaN, overflowed list. Frames already written stay on disk."""
