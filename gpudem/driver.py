@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import warp
 
+from gpudem.errors import GpudemError
+from gpudem.kernel_cache import kernel_cache
+from gpudem.output.directory import check_writable
 from gpudem.output.recorder import Recorder
 from gpudem.output.restart import Restart
 from gpudem.output.run import Run, Timing
@@ -35,7 +39,8 @@ def simulate(
 
     Args:
         scene: What to simulate.
-        directory: Where frames, scene.json, run.json, history.csv and trace.npz go; None keeps no frames.
+        directory: Folder of the run (`gpudem.output.directory`), made if missing; the files of an older run
+            in it are removed once the solver is set up, other files stay. None: no frames.
         device: Warp device, "cpu" or "cuda:0".
         threads: CPU threads; default: one for each core, fewer for few particles.
         precision: Overrides the scene's.
@@ -49,7 +54,8 @@ def simulate(
 
     Raises:
         SimulationError: lost particle, NaN; frames already written stay.
-        GpudemError: directory cannot be written.
+        KernelCacheError: Warp has no folder for its kernels; nothing is written.
+        WriteError: directory cannot be written, disk full; what is complete stays.
     """
     overrides = {"precision": precision, "integrator": integrator}
     if any(overrides.values()):
@@ -65,12 +71,13 @@ def resume(
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Run:
-    """Go on from DIRECTORY/restart.npz; on the same kind of device to the last bit as if never stopped.
+    """Continue from DIRECTORY/restart.npz; on the same kind of device to the last bit as if never stopped.
 
-    Frames after the restart's step are written anew. Arguments, result and errors as in `simulate`.
+    The folder holds all that is needed and may have been moved; frames after the restart's step are written
+    again. Arguments, result and errors as in `simulate`.
 
     Raises:
-        GpudemError: no restart file, or a broken one.
+        GpudemError: no restart file, a broken one, or one of another scene than the folder's.
     """
     restart = Restart.load(Path(directory))
     return _run(restart.scene, Path(directory), device, threads, progress, restart)
@@ -85,98 +92,115 @@ def _run(
     restart: Restart | None = None,
     specialize: bool = True,
 ) -> Run:
-    recorder = Recorder(scene, path, restart)
+    if path is not None:
+        check_writable(path)
     begin = time.perf_counter()
-    simulation = Solver(scene, device, threads, specialize=specialize)
-    setup_s = time.perf_counter() - begin - simulation.compile_s
-    clock = _Clock(progress)
+    with kernel_cache():
+        simulation = Solver(scene, device, threads, specialize=specialize)
+    timer = PhaseTimer(progress)
+    timer.setup_s = time.perf_counter() - begin - simulation.compile_s
     notes: dict[str, object] = {}
     if restart:
         notes["resumed_at_step"] = restart.step
-        clock.add(restart.seconds)
-    try:
-        with recorder:
-            _segments(simulation, recorder, clock, path, restart)
-            with clock.output():
-                recorder.settle()
-    except KeyboardInterrupt:
-        notes["interrupted_at_step"] = simulation.step_count
-        raise
-    except Exception as error:
-        notes["failed"] = str(error)
-        raise
-    finally:
-        notes |= {"rebuilds": simulation.neighbors.rebuilds, "scene_hash": scene.hash}
-        notes["list"] = simulation.neighbors.tuning()
-        notes["arrays"] = simulation.memory_bytes()
-        result = Run(
-            code="gpudem",
-            version=version(),
-            scene=scene,
-            directory=path or Path(),
-            timing=Timing(
-                particles=simulation.state.n,
-                steps=simulation.step_count,
-                stepping_s=clock.stepping_s,
-                setup_s=setup_s + clock.setup_s,
-                compile_s=simulation.compile_s,
-                output_s=clock.output_s,
-                device=str(simulation.device),
-                cores=simulation.pool.threads,
-                precision=scene.solver.precision,
-                peak_memory_bytes=peak_memory(),
-            ),
-            warnings=checks.step_warnings(scene) + guards.energy_warnings(scene, recorder.history),
-            notes=notes,
-            trace=recorder.trace,
-            history=recorder.history,
-        )
-        if path is not None:
-            result.save()
-        simulation.close()
+        timer.add(restart.seconds)
+    with contextlib.closing(simulation):
+        # only now, with the solver set up, is the folder of an older run touched or a new one made
+        recorder = Recorder(scene, path, restart)
+        failure = None
+        try:
+            with recorder:
+                _segments(simulation, recorder, timer, path, restart)
+                with timer.output():
+                    recorder.flush()
+        except KeyboardInterrupt as error:
+            failure, notes["interrupted_at_step"] = error, simulation.step_count
+        except Exception as error:
+            failure, notes["failed"] = error, str(error)
+        result = _result(simulation, recorder, timer, path, notes)
+        try:
+            if path is not None:
+                result.save()
+        except GpudemError as error:
+            if failure is None:
+                raise
+            failure.add_note(f"and what there was could not be saved: {error}")
+        if failure is not None:
+            raise failure
     return result
 
 
+def _result(
+    simulation: Solver, recorder: Recorder, timer: PhaseTimer, path: Path | None, notes: dict[str, object]
+) -> Run:
+    """The run as far as it came."""
+    scene = simulation.scene
+    notes |= {"rebuilds": simulation.neighbors.rebuilds, "scene_hash": scene.hash}
+    notes["list"] = simulation.neighbors.tuning()
+    notes["arrays"] = simulation.memory_bytes()
+    return Run(
+        code="gpudem",
+        version=version(),
+        scene=scene,
+        directory=path or Path(),
+        timing=Timing(
+            particles=simulation.state.n,
+            steps=simulation.step_count,
+            stepping_s=timer.stepping_s,
+            setup_s=timer.setup_s,
+            compile_s=simulation.compile_s,
+            output_s=timer.output_s,
+            device=str(simulation.device),
+            cores=simulation.pool.threads,
+            precision=scene.solver.precision,
+            peak_memory_bytes=peak_memory(),
+        ),
+        warnings=checks.step_warnings(scene) + guards.energy_warnings(scene, recorder.history),
+        notes=notes,
+        trace=recorder.trace,
+        history=recorder.history,
+    )
+
+
 def _segments(
-    simulation: Solver, recorder: Recorder, clock: _Clock, path: Path | None, restart: Restart | None
+    simulation: Solver, recorder: Recorder, timer: PhaseTimer, path: Path | None, restart: Restart | None
 ) -> None:
     """Between gate removals: set-up, then steps up to each output, the last one with full-step velocities."""
 
     def save_if_due(step: int) -> None:
         if path is not None and recorder.restart_due(step):
-            with clock.output():
-                recorder.settle()
+            with timer.output():
+                recorder.flush()
                 arrays, recorded = simulation.state_dict(), recorder.saved()
-                Restart(simulation.scene, step, arrays, recorded, clock.seconds()).save(path)
+                Restart(simulation.scene, step, arrays, recorded, timer.seconds()).save(path)
 
     for first, last, planes in simulation.scene.segments:
         if restart and last <= restart.step:
             continue
-        with clock.setup(simulation):
+        with timer.setup(simulation):
             if restart and first <= restart.step:
                 simulation.load_state_dict(restart.arrays, planes)
             else:
                 simulation.start(planes, write=first == 0)
-        if first == 0 and recorder.due(0) and not restart:
-            with clock.output():
+        if first == 0 and recorder.is_output_step(0) and not restart:
+            with timer.output():
                 recorder.add(0, simulation.frame(), simulation.contact_count(), simulation.wall_work())
         if not (restart and first <= restart.step):
             save_if_due(first)  # at the removal of a gate: with the set-up behind it
         while simulation.step_count < last:
             stop = min(recorder.next_after(simulation.step_count), last)
             while simulation.step_count < stop - 1:
-                with clock.stepping(simulation):
+                with timer.stepping(simulation):
                     simulation.advance(min(CHUNK, stop - 1 - simulation.step_count))
-            with clock.stepping(simulation):
+            with timer.stepping(simulation):
                 simulation.write_step(last=stop == last)
-            if recorder.due(stop) or stop == last:
-                with clock.output():
+            if recorder.is_output_step(stop) or stop == last:
+                with timer.output():
                     recorder.add(stop, simulation.frame(), simulation.contact_count(), simulation.wall_work())
             if stop < last:
                 save_if_due(stop)
 
 
-class _Clock:
+class PhaseTimer:
     """Adds up set-up (of each segment), stepping and output time; reports progress a few times a second."""
 
     def __init__(self, progress: Callable[[int], None] | None):
@@ -185,15 +209,18 @@ class _Clock:
         self._begin, self._attribute = 0.0, ""
         self._simulation: Solver | None = None
 
-    def setup(self, simulation: Solver) -> _Clock:
+    def setup(self, simulation: Solver) -> PhaseTimer:
+        """Count the block as set-up."""
         self._attribute, self._simulation = "setup_s", simulation
         return self
 
-    def stepping(self, simulation: Solver) -> _Clock:
+    def stepping(self, simulation: Solver) -> PhaseTimer:
+        """Count the block as stepping."""
         self._attribute, self._simulation = "stepping_s", simulation
         return self
 
-    def output(self) -> _Clock:
+    def output(self) -> PhaseTimer:
+        """Count the block as output."""
         self._attribute = "output_s"
         return self
 

@@ -11,6 +11,8 @@ import numpy as np
 from gpudem.errors import SceneError
 from gpudem.event_driven.engine import Engine
 from gpudem.event_driven.problem import HardSphereProblem
+from gpudem.kernel_cache import kernel_cache
+from gpudem.output.directory import check_writable
 from gpudem.output.recorder import Recorder
 from gpudem.output.run import Run, Timing
 from gpudem.output.vtu import Frame
@@ -63,8 +65,12 @@ def run(
         )
     path = None if directory is None else Path(directory)
     problem = HardSphereProblem.from_scene(scene, guard, tangential_restitution)
+    if path is not None:
+        check_writable(path)
+    with kernel_cache():
+        engine = Engine(problem, cell_edge)
     recorder = Recorder(scene, path)
-    events = _EventRun(scene, Engine(problem, cell_edge), recorder)
+    events = _EventRun(scene, engine, recorder)
     setup_s = time.perf_counter() - began
     notes: dict[str, object] = {"scene_hash": scene.hash, "guard": guard}
     notes["tangential_restitution"] = tangential_restitution

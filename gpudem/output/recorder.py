@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gpudem.errors import GpudemError
+from gpudem.output.directory import begin, begin_again
 from gpudem.output.frames import FrameWriter
 from gpudem.output.restart import Restart
 from gpudem.output.run import HISTORY_COLUMNS, TRACE_COLUMNS
@@ -36,9 +36,9 @@ def bulk(scene: Scene, frame: Frame, mass: np.ndarray, step: int, contacts: int)
 
 
 class Recorder:
-    """Collects the output of one run. `due(step)`: is anything wanted at a step; `next_after`: when.
+    """Collects the output of one run: frames on disk, trace and history in memory.
 
-    Frames are written by a thread of their own while the run goes on, one at a time; `settle` waits for it.
+    Frames are written by a thread of their own while the run goes on, one at a time; `flush` waits for it.
     """
 
     def __init__(self, scene: Scene, directory: Path | None, resumed: Restart | None = None):
@@ -51,11 +51,11 @@ class Recorder:
         )
         self.writer = None
         if directory is not None:
-            try:
-                directory.mkdir(parents=True, exist_ok=True)
-                self.writer = FrameWriter(directory, scene, resumed.step if resumed else None)
-            except OSError as error:
-                raise GpudemError(f"{directory}: cannot be written: {error.strerror}") from error
+            if resumed:
+                begin_again(directory, resumed.step)
+            else:
+                begin(directory, scene)
+            self.writer = FrameWriter(directory, scene, resumed.step if resumed else None)
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="frames")
         self._writing: Future[None] | None = None
         self._trace: list[tuple[int, Frame]] = []
@@ -68,7 +68,7 @@ class Recorder:
         strides = (self.frame_stride, self.trace_stride, self.history_stride, self.restart_stride)
         return [s for s in strides if s]
 
-    def due(self, step: int) -> bool:
+    def is_output_step(self, step: int) -> bool:
         """Whether this step is to be written."""
         return any(step % stride == 0 for stride in self._strides())
 
@@ -101,10 +101,10 @@ class Recorder:
             row = bulk(self.scene, frame, self.mass, step, contacts)
             self._history.append(row if work is None else (*row, work))
         if self.writer and self.frame_stride and step % self.frame_stride == 0:
-            self.settle()
+            self.flush()
             self._writing = self._pool.submit(self.writer.add, step, frame)
 
-    def settle(self) -> None:
+    def flush(self) -> None:
         """Wait until the last frame is on disk. Raises what went wrong in writing it."""
         writing, self._writing = self._writing, None
         if writing is not None:
@@ -115,7 +115,7 @@ class Recorder:
 
     def __exit__(self, *error: object) -> None:
         try:
-            self.settle()
+            self.flush()
         finally:
             self._pool.shutdown()
 

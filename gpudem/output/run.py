@@ -1,24 +1,26 @@
-"""A finished run of any code, in one form on disk and in memory.
-
-DIRECTORY/scene.json  run.json  run.pvd  frames/p_*.vtu  history.csv  trace.npz
-"""
+"""A finished run of any code, in one form on disk (`gpudem.output.directory`) and in memory."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
-import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gpudem.errors import GpudemError
+from gpudem.output import directory as folder
+from gpudem.output.archive import ArchiveError, read_npz
+from gpudem.output.atomic import WriteError, replacing, write_npz, write_text
 from gpudem.output.frames import Frames
 from gpudem.scene import Scene
 
 if TYPE_CHECKING:
     import pandas
+
+#: Of run.json; counts up when what is in it changes.
+FORMAT = 2
 
 TRACE_COLUMNS = ("position", "velocity", "angular_velocity", "force", "torque")
 
@@ -77,39 +79,57 @@ class Run:
         return Frames.open(self.directory)
 
     def save(self) -> None:
-        """Write scene.json, run.json, history.csv, trace.npz (frames are on disk already)."""
-        self.directory.mkdir(parents=True, exist_ok=True)
-        (self.directory / "scene.json").write_text(self.scene.to_json())
-        facts = {
-            "code": self.code, "version": self.version, "timing": dataclasses.asdict(self.timing),
-            "warnings": self.warnings, "notes": self.notes,
-        }  # fmt: skip
-        (self.directory / "run.json").write_text(json.dumps(facts, indent=1))
+        """Write the scene, history.csv, trace.npz and, last, run.json (frames are on disk already).
+
+        Of an older run's tables and run.json nothing stays. Raises WriteError.
+        """
+        directory, tables = self.directory, []
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            for name in (folder.RUN, folder.HISTORY, folder.TRACE):
+                (directory / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise WriteError(directory, error) from error
+        folder.save_scene(directory, self.scene)
         if self.history is not None:
-            self.history.to_csv(self.directory / "history.csv", index=False, float_format="%.17g")
+            with replacing(directory / folder.HISTORY) as partial:
+                self.history.to_csv(partial, index=False, float_format="%.17g")
+            tables.append(folder.HISTORY)
         if self.trace is not None:
-            np.savez(self.directory / "trace.npz", **self.trace)  # pyright: ignore[reportArgumentType]
+            write_npz(directory / folder.TRACE, self.trace)
+            tables.append(folder.TRACE)
+        facts = {
+            "format": FORMAT, "code": self.code, "version": self.version, "scene_hash": self.scene.hash,
+            "tables": tables, "timing": dataclasses.asdict(self.timing), "warnings": self.warnings,
+            "notes": self.notes,
+        }  # fmt: skip
+        write_text(directory / folder.RUN, json.dumps(facts, indent=1))
 
     @classmethod
-    def load(cls, directory: Path) -> Run:
-        """Read what `save` wrote. Raises GpudemError naming the missing or broken file."""
+    def load(cls, directory: str | Path) -> Run:
+        """Read what `save` wrote, from wherever the folder now is.
+
+        Raises:
+            GpudemError: a file is missing or broken, or belongs to another scene; names it.
+        """
         import pandas
 
+        directory = Path(directory)
         try:
-            facts = json.loads((directory / "run.json").read_text())
-            scene = Scene.from_json((directory / "scene.json").read_text(), str(directory / "scene.json"))
-            history = directory / "history.csv"
-            trace = directory / "trace.npz"
+            facts = json.loads((directory / folder.RUN).read_text(encoding="utf-8"))
+            if facts.get("format") != FORMAT:
+                raise ValueError(f"run.json has format {facts.get('format', 1)}, this gpudem reads {FORMAT}")
+            scene = folder.load_scene(directory)
+            folder.require_hash(directory / folder.RUN, facts["scene_hash"], scene)
+            tables = facts["tables"]
             return cls(
                 code=facts["code"], version=facts["version"], scene=scene, directory=directory,
                 timing=Timing(**facts["timing"]), warnings=facts["warnings"], notes=facts["notes"],
-                history=pandas.read_csv(history) if history.is_file() else None,
-                trace=_read_npz(trace) if trace.is_file() else None,
+                history=pandas.read_csv(directory / folder.HISTORY) if folder.HISTORY in tables else None,
+                trace=read_npz(directory / folder.TRACE) if folder.TRACE in tables else None,
             )  # fmt: skip
-        except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        except (KeyError, TypeError, AttributeError) as error:
+            what = f"{folder.RUN}: {type(error).__name__}: {error}"
+            raise GpudemError(f"{directory}: not a complete run: {what}") from error
+        except (OSError, ValueError, RecursionError, ArchiveError) as error:
             raise GpudemError(f"{directory}: not a complete run: {error}") from error
-
-
-def _read_npz(path: Path) -> dict[str, np.ndarray]:
-    with path.open("rb") as file:  # np.load leaves the file open where it is broken
-        return dict(np.load(file))
