@@ -83,7 +83,7 @@ class Run:
 
         Of an older run's tables and run.json nothing stays. Raises WriteError.
         """
-        directory, tables = self.directory, []
+        directory, tables = self.directory, {}
         try:
             directory.mkdir(parents=True, exist_ok=True)
             for name in (folder.RUN, folder.HISTORY, folder.TRACE):
@@ -93,11 +93,11 @@ class Run:
         folder.save_scene(directory, self.scene)
         if self.history is not None:
             with replacing(directory / folder.HISTORY) as partial:
-                self.history.to_csv(partial, index=False, float_format="%.17g")
-            tables.append(folder.HISTORY)
+                self.history.to_csv(partial, index=False, float_format="%.17g", na_rep="nan")
+            tables[folder.HISTORY] = {str(name): str(kind) for name, kind in self.history.dtypes.items()}
         if self.trace is not None:
             write_npz(directory / folder.TRACE, self.trace)
-            tables.append(folder.TRACE)
+            tables[folder.TRACE] = list(self.trace)
         facts = {
             "format": FORMAT, "code": self.code, "version": self.version, "scene_hash": self.scene.hash,
             "tables": tables, "timing": dataclasses.asdict(self.timing), "warnings": self.warnings,
@@ -112,8 +112,6 @@ class Run:
         Raises:
             GpudemError: a file is missing or broken, or belongs to another scene; names it.
         """
-        import pandas
-
         directory = Path(directory)
         try:
             facts = json.loads((directory / folder.RUN).read_text(encoding="utf-8"))
@@ -125,11 +123,35 @@ class Run:
             return cls(
                 code=facts["code"], version=facts["version"], scene=scene, directory=directory,
                 timing=Timing(**facts["timing"]), warnings=facts["warnings"], notes=facts["notes"],
-                history=pandas.read_csv(directory / folder.HISTORY) if folder.HISTORY in tables else None,
-                trace=read_npz(directory / folder.TRACE) if folder.TRACE in tables else None,
+                history=_read_history(directory / folder.HISTORY, tables.get(folder.HISTORY)),
+                trace=_read_trace(directory / folder.TRACE, tables.get(folder.TRACE)),
             )  # fmt: skip
         except (KeyError, TypeError, AttributeError) as error:
             what = f"{folder.RUN}: {type(error).__name__}: {error}"
             raise GpudemError(f"{directory}: not a complete run: {what}") from error
         except (OSError, ValueError, RecursionError, ArchiveError) as error:
             raise GpudemError(f"{directory}: not a complete run: {error}") from error
+
+
+def _read_history(path: Path, columns: dict[str, str] | None) -> pandas.DataFrame | None:
+    """The table with the columns and types that run.json states, to the last bit; None if it states none."""
+    import pandas
+
+    if columns is None:
+        return None
+    table = pandas.read_csv(path, dtype=str, keep_default_na=False)  # as text: not every pandas reads exactly
+    _require_columns(path, list(columns), [str(name) for name in table])
+    return table.astype(columns)
+
+
+def _read_trace(path: Path, columns: list[str] | None) -> dict[str, np.ndarray] | None:
+    if columns is None:
+        return None
+    trace = read_npz(path)
+    _require_columns(path, columns, list(trace))
+    return trace
+
+
+def _require_columns(path: Path, stated: list[str], found: list[str]) -> None:
+    if found != stated:
+        raise ValueError(f"{path}: columns {', '.join(found)}; run.json states {', '.join(stated)}")
