@@ -240,7 +240,7 @@ def test_frames_after_the_restart_are_removed_when_it_goes_on(tmp_path):
         raise SimulationError("no more")
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(driver.Solver, "resume", failing)
+        patch.setattr(driver.Solver, "load_state_dict", failing)
         with pytest.raises(SimulationError, match="no more"):
             resume(tmp_path)
     assert len(resume(tmp_path).frames) == 5
