@@ -15,6 +15,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from gpudem.errors import GpudemError, SceneError, SimulationError
+from gpudem.hooks import Hook, every
 from gpudem.output.run import Run
 from gpudem.scene import Scene
 
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 __all__ = [
-    "GpudemError", "Run", "Scene", "SceneError", "SimulationError", "__version__", "resume", "simulate",
+    "GpudemError", "Hook", "Run", "Scene", "SceneError", "SimulationError", "__version__", "every", "resume",
+    "simulate",
 ]  # fmt: skip
 
 

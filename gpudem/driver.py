@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import warp
 
 from gpudem.errors import GpudemError
+from gpudem.hooks import Hook
 from gpudem.kernel_cache import kernel_cache
 from gpudem.output.directory import check_writable
 from gpudem.output.recorder import Recorder
 from gpudem.output.restart import Restart
 from gpudem.output.run import Run, Timing
+from gpudem.output.view import DeviceView, View
 from gpudem.process import peak_memory, version
 from gpudem.scene import Scene, checks
 from gpudem.solver import guards
 from gpudem.solver.solver import Solver
+
+if TYPE_CHECKING:
+    import pandas
 
 #: Steps between two looks at the clock, for progress.
 CHUNK = 64
@@ -34,6 +40,7 @@ def simulate(
     integrator: str | None = None,
     specialize: bool = True,
     progress: Callable[[int], None] | None = None,
+    hooks: Sequence[Hook] = (),
 ) -> Run:
     """Simulate a scene; with a directory, frames and tables are written there as it goes.
 
@@ -48,6 +55,7 @@ def simulate(
         specialize: False: carry what any scene may have, though this one does not need it: slower, to measure
             what specialisation saves.
         progress: Called with the number of steps done, a few times a second.
+        hooks: Functions called every so often (`gpudem.every`) with the object that advances the run.
 
     Returns:
         The run; on Ctrl-C what there is so far is saved first, then KeyboardInterrupt goes on.
@@ -61,7 +69,7 @@ def simulate(
     if any(overrides.values()):
         scene = scene.replace(solver={k: v for k, v in overrides.items() if v})
     path = None if directory is None else Path(directory)
-    return _run(scene, path, device, threads, progress, specialize=specialize)
+    return _run(scene, path, device, threads, progress, hooks, specialize=specialize)
 
 
 def resume(
@@ -70,6 +78,7 @@ def resume(
     device: str = "cpu",
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
+    hooks: Sequence[Hook] = (),
 ) -> Run:
     """Continue from DIRECTORY/restart.npz; on the same kind of device to the last bit as if never stopped.
 
@@ -80,7 +89,7 @@ def resume(
         GpudemError: no restart file, a broken one, or one of another scene than the folder's.
     """
     restart = Restart.load(Path(directory))
-    return _run(restart.scene, Path(directory), device, threads, progress, restart)
+    return _run(restart.scene, Path(directory), device, threads, progress, hooks, restart)
 
 
 def _run(
@@ -89,6 +98,7 @@ def _run(
     device: str,
     threads: int | None,
     progress: Callable[[int], None] | None,
+    hooks: Sequence[Hook],
     restart: Restart | None = None,
     specialize: bool = True,
 ) -> Run:
@@ -109,14 +119,16 @@ def _run(
         failure = None
         try:
             with recorder:
-                _segments(simulation, recorder, timer, path, restart)
+                output = _Output(simulation, recorder, timer, path, hooks)
+                _segments(simulation, output, timer, restart)
                 with timer.output():
                     recorder.flush()
         except KeyboardInterrupt as error:
             failure, notes["interrupted_at_step"] = error, simulation.step_count
         except Exception as error:
             failure, notes["failed"] = error, str(error)
-        result = _result(simulation, recorder, timer, path, notes)
+        rounded = [warning for hook in hooks for warning in hook.warnings(scene)]
+        result = _result(simulation, recorder, timer, path, notes, rounded)
         try:
             if path is not None:
                 result.save()
@@ -129,8 +141,20 @@ def _run(
     return result
 
 
+def _energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]:
+    """Of the energies in time, where the history has them all."""
+    if history is None or not {"kinetic_energy", "rotational_energy", "potential_energy"} <= set(history):
+        return []
+    return guards.energy_warnings(scene, history)
+
+
 def _result(
-    simulation: Solver, recorder: Recorder, timer: PhaseTimer, path: Path | None, notes: dict[str, object]
+    simulation: Solver,
+    recorder: Recorder,
+    timer: PhaseTimer,
+    path: Path | None,
+    notes: dict[str, object],
+    rounded: list[str],
 ) -> Run:
     """The run as far as it came."""
     scene = simulation.scene
@@ -154,50 +178,93 @@ def _result(
             precision=scene.solver.precision,
             peak_memory_bytes=peak_memory(),
         ),
-        warnings=checks.step_warnings(scene) + guards.energy_warnings(scene, recorder.history),
+        warnings=checks.step_warnings(scene) + rounded + _energy_warnings(scene, recorder.history),
         notes=notes,
         trace=recorder.trace,
         history=recorder.history,
     )
 
 
-def _segments(
-    simulation: Solver, recorder: Recorder, timer: PhaseTimer, path: Path | None, restart: Restart | None
-) -> None:
+class _Output:
+    """Output, restart files and hooks of one run, at the steps at which they are wanted."""
+
+    def __init__(
+        self,
+        simulation: Solver,
+        recorder: Recorder,
+        timer: PhaseTimer,
+        path: Path | None,
+        hooks: Sequence[Hook],
+    ):
+        self.simulation, self.recorder, self.timer, self.path = simulation, recorder, timer, path
+        self.hooks = [(hook.stride(simulation.scene), hook.action) for hook in hooks]
+        self._device_arrays: dict[str, Any] = {}
+
+    def next_after(self, step: int) -> int:
+        """The next step that has output, a restart file or a hook."""
+        return min([self.recorder.next_after(step), *((step // s + 1) * s for s, _ in self.hooks)])
+
+    def record(self, step: int, last: bool = False) -> None:
+        """Write what is wanted of a step that the solver has written; the `last` of a segment is checked."""
+        if last or self.recorder.is_output_step(step):
+            with self.timer.output():
+                view = self.view(step)
+                if last:
+                    view.require_finite()
+                self.recorder.record(view)
+
+    def view(self, step: int) -> View:
+        """The state at full-step velocities; where the solver reads columns on its device, reduced there."""
+        sim = self.simulation
+        read = getattr(sim, "read", None)
+        if sim.device.is_cuda and read is not None:
+            return DeviceView(sim.scene, step, read, self._device_arrays, sim.contact_count, sim.wall_work)
+        return View(sim.scene, step, sim.column, sim.contact_count, sim.wall_work)
+
+    def call_hooks(self, step: int) -> None:
+        """Call those whose step this is, after its output."""
+        for stride, action in self.hooks:
+            if step % stride == 0:
+                with self.timer.output():
+                    action(self.simulation)
+
+    def save_restart(self, step: int) -> None:
+        """Write the restart file, if it is the step for one and output is on disk up to here."""
+        if self.path is not None and self.recorder.is_restart_step(step):
+            with self.timer.output():
+                self.recorder.flush()
+                arrays, recorded = self.simulation.state_dict(), self.recorder.saved()
+                restart = Restart(self.simulation.scene, step, arrays, recorded, self.timer.seconds())
+                restart.save(self.path)
+
+
+def _segments(simulation: Solver, output: _Output, timer: PhaseTimer, restart: Restart | None) -> None:
     """Between gate removals: set-up, then steps up to each output, the last one with full-step velocities."""
-
-    def save_if_due(step: int) -> None:
-        if path is not None and recorder.restart_due(step):
-            with timer.output():
-                recorder.flush()
-                arrays, recorded = simulation.state_dict(), recorder.saved()
-                Restart(simulation.scene, step, arrays, recorded, timer.seconds()).save(path)
-
-    for first, last, planes in simulation.scene.segments:
+    for first, last, walls in simulation.scene.segments:
         if restart and last <= restart.step:
             continue
+        continued = restart is not None and first <= restart.step
         with timer.setup(simulation):
-            if restart and first <= restart.step:
-                simulation.load_state_dict(restart.arrays, planes)
+            if restart and continued:
+                simulation.load_state_dict(restart.arrays, walls)
             else:
-                simulation.start(planes, write=first == 0)
-        if first == 0 and recorder.is_output_step(0) and not restart:
-            with timer.output():
-                recorder.add(0, simulation.frame(), simulation.contact_count(), simulation.wall_work())
-        if not (restart and first <= restart.step):
-            save_if_due(first)  # at the removal of a gate: with the set-up behind it
+                simulation.start(walls, write=first == 0)
+        if first == 0 and not continued:
+            output.record(0)
+            output.call_hooks(0)
+        if not continued:
+            output.save_restart(first)  # at the removal of a gate: with the set-up behind it
         while simulation.step_count < last:
-            stop = min(recorder.next_after(simulation.step_count), last)
+            stop = min(output.next_after(simulation.step_count), last)
             while simulation.step_count < stop - 1:
                 with timer.stepping(simulation):
                     simulation.advance(min(CHUNK, stop - 1 - simulation.step_count))
             with timer.stepping(simulation):
                 simulation.write_step(last=stop == last)
-            if recorder.is_output_step(stop) or stop == last:
-                with timer.output():
-                    recorder.add(stop, simulation.frame(), simulation.contact_count(), simulation.wall_work())
+            output.record(stop, last=stop == last)
+            output.call_hooks(stop)
             if stop < last:
-                save_if_due(stop)
+                output.save_restart(stop)
 
 
 class PhaseTimer:

@@ -11,6 +11,7 @@ import numpy as np
 
 from gpudem.errors import GpudemError
 from gpudem.output import directory as folder
+from gpudem.output import observables
 from gpudem.output.archive import ArchiveError, read_npz
 from gpudem.output.atomic import WriteError, replacing, write_npz, write_text
 from gpudem.output.frames import Frames
@@ -24,11 +25,8 @@ FORMAT = 2
 
 TRACE_COLUMNS = ("position", "velocity", "angular_velocity", "force", "torque")
 
-#: Columns of history.csv, in SI units; potential energy counts from the domain's origin, against gravity.
-HISTORY_COLUMNS = (
-    "step", "time", "kinetic_energy", "rotational_energy", "potential_energy",
-    "contacts", "front_x", "centre_x", "centre_y", "centre_z",
-)  # fmt: skip
+#: Columns of history.csv, in SI units, where a scene does not choose its own (`gpudem.output.observables`).
+HISTORY_COLUMNS = (*observables.ALWAYS, *observables.DEFAULT)
 
 
 @dataclasses.dataclass
@@ -71,7 +69,7 @@ class Run:
     trace: dict[str, np.ndarray] | None = None
     """step (t,), time (t,), and position, velocity, angular_velocity, force, torque, each (t, n, 3)."""
     history: pandas.DataFrame | None = None
-    """Bulk quantities in time: columns HISTORY_COLUMNS."""
+    """Observables in time: columns HISTORY_COLUMNS, or those of the scene's `output.history`."""
 
     @property
     def frames(self) -> Frames:

@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+from gpudem.output import observables
 from gpudem.output.atomic import WriteError
 from gpudem.output.directory import begin
 from gpudem.output.run import Run, Timing
@@ -54,7 +55,9 @@ def run(
     outcome = execute(deck, directory, binary, ranks=ranks, timeout=timeout, progress=progress)
     console = outcome.console
     traced = dump.trace(scene, directory / TRACE) if scene.output.trace_every is not None else None
-    history = dump.history(scene, console.blocks)
+    history, left_out = dump.history(scene, console.blocks), []
+    if history is not None:
+        history, left_out = observables.select(history, scene.output.history, "LIGGGHTS")
     dump.frames(scene, directory)
     timing = Timing(
         particles=len(scene.state), steps=scene.n_steps,
@@ -63,9 +66,8 @@ def run(
         peak_memory_bytes=outcome.peak_memory_bytes,
     )  # fmt: skip
     notes = {"deck_hash": deck.hash, "ranks": ranks, "recorded": False, "binary": binary, **console.counts}
-    result = Run(
-        "liggghts", console.version, scene, directory, timing, list(console.warnings), notes, traced, history
-    )
+    warnings = [*console.warnings, *left_out]
+    result = Run("liggghts", console.version, scene, directory, timing, warnings, notes, traced, history)
     result.save()
     return result
 
