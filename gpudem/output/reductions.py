@@ -4,8 +4,6 @@ Thread t of THREADS takes rows t, t + THREADS, ... one after the other; the host
 order depends on the number of rows only: a repeated run gives the same bits on the same kind of device.
 """
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 
@@ -61,7 +59,7 @@ def _kernel(precision: str) -> Any:
 def _reduced(mode: int, values: Any, weights: Any = None, sign: float = 1.0) -> np.ndarray:
     """Partial results of the threads, shape (threads, 3)."""
     threads = min(THREADS, len(values))
-    precision = wp.types.type_scalar_type(values.dtype).__name__
+    precision = values.dtype._wp_scalar_type_.__name__
     partial = wp.empty(threads, dtype=wp.vec3d, device=values.device)
     wp.launch(
         _kernel(precision),
