@@ -121,8 +121,10 @@ def load_scene(directory: Path) -> Scene:
         data = parse_json(path.read_text(encoding="utf-8"), str(path))
     except UnicodeDecodeError as error:
         raise GpudemError(f"{path}: not a text file: byte {error.start} is not UTF-8") from None
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise GpudemError(f"{path}: {error.strerror}: not the folder of a run") from None
     except OSError as error:
-        raise GpudemError(f"{path}: cannot be read: {error.strerror}; is this the folder of a run?") from None
+        raise GpudemError(f"{path}: cannot be read: {error.strerror}") from None
     particles = data.get("particles")
     if isinstance(particles, dict) and isinstance(particles.get("path"), str):
         particles["path"] = str(directory / particles["path"])
