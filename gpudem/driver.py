@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import warp
 
-from gpudem.errors import GpudemError
 from gpudem.hooks import Hook
 from gpudem.kernel_cache import kernel_cache
 from gpudem.output.directory import check_writable
 from gpudem.output.recorder import Recorder
 from gpudem.output.restart import Restart
-from gpudem.output.run import Run, Timing
+from gpudem.output.run import Run, Timing, conclude
 from gpudem.output.view import DeviceView, View
 from gpudem.process import peak_memory, version
 from gpudem.scene import Scene, checks
@@ -116,7 +115,7 @@ def _run(
     with contextlib.closing(simulation):
         # only now, with the solver set up, is the folder of an older run touched or a new one made
         recorder = Recorder(scene, path, restart)
-        failure = None
+        failure: BaseException | None = None
         try:
             with recorder:
                 output = _Output(simulation, recorder, timer, path, hooks)
@@ -129,16 +128,7 @@ def _run(
             failure, notes["failed"] = error, str(error)
         rounded = [warning for hook in hooks for warning in hook.warnings(scene)]
         result = _result(simulation, recorder, timer, path, notes, rounded)
-        try:
-            if path is not None:
-                result.save()
-        except GpudemError as error:
-            if failure is None:
-                raise
-            failure.add_note(f"and what there was could not be saved: {error}")
-        if failure is not None:
-            raise failure
-    return result
+        return conclude(result, path is not None, failure)
 
 
 def _energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]:

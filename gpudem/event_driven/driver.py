@@ -14,7 +14,7 @@ from gpudem.event_driven.problem import HardSphereProblem
 from gpudem.kernel_cache import kernel_cache
 from gpudem.output.directory import check_writable
 from gpudem.output.recorder import Recorder
-from gpudem.output.run import Run, Timing
+from gpudem.output.run import Run, Timing, conclude
 from gpudem.output.vtu import Frame
 from gpudem.process import peak_memory, version
 from gpudem.scene import Scene
@@ -74,20 +74,15 @@ def run(
     setup_s = time.perf_counter() - began
     notes: dict[str, object] = {"scene_hash": scene.hash, "guard": guard}
     notes["tangential_restitution"] = tangential_restitution
+    failure: BaseException | None = None
     try:
         with recorder:
             events.simulate(budget, progress)
-    except KeyboardInterrupt:
-        notes["interrupted_at_step"] = events.step
-        raise
+    except KeyboardInterrupt as error:
+        failure, notes["interrupted_at_step"] = error, events.step
     except Exception as error:
-        notes["failed"] = str(error)
-        raise
-    finally:
-        result = events.result(path or Path(), notes, setup_s)
-        if path is not None:
-            result.save()
-    return result
+        failure, notes["failed"] = error, str(error)
+    return conclude(events.result(path or Path(), notes, setup_s), path is not None, failure)
 
 
 class _EventRun:

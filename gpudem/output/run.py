@@ -131,6 +131,24 @@ class Run:
             raise GpudemError(f"{directory}: not a complete run: {error}") from error
 
 
+def conclude(run: Run, on_disk: bool, failure: BaseException | None) -> Run:
+    """Save a run that has ended, with a directory, and raise what ended it, if anything did.
+
+    Raises:
+        WriteError: the results cannot be saved; where the run failed itself, this is a note of its failure.
+    """
+    try:
+        if on_disk:
+            run.save()
+    except GpudemError as error:
+        if failure is None:
+            raise
+        failure.add_note(f"and what there was could not be saved: {error}")
+    if failure is not None:
+        raise failure
+    return run
+
+
 def _read_history(path: Path, columns: dict[str, str] | None) -> pandas.DataFrame | None:
     """The table with the columns and types that run.json states, to the last bit; None if it states none."""
     import pandas
