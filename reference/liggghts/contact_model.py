@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gpudem.contact.law import Law, LiggghtsWords
-
 from gpudem.contact import registry
+from gpudem.contact.law import Law, LiggghtsWords
 from gpudem.scene import Pair, Scene
 
 

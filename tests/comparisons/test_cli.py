@@ -217,3 +217,59 @@ sys.exit(cli.main(["compare", "--out", "c", "-q"]))
     assert stored["state"] == "interrupted"
     assert [r["code"] for r in stored["runs"]] == ["gpudem"]
     assert (tmp_path / "c" / "report.html").is_file()
+
+
+def test_progress_of_a_resumed_run_counts_from_its_restart(tmp_path, capsys, monkeypatch):
+    """Rate and time left are those of the steps done now; the last line counts all steps and their time."""
+    from comparisons import progress
+    from gpudem.output.restart import Restart
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.toml").write_text(SCENE + "[output]\nrestart_every = 5e-4\n")
+    assert cli.main(["run", "scene.toml", "-q", "--out", "r"]) == 0
+    first = Restart.load(tmp_path / "r")
+    assert first.step == 50
+    seen, clock = [], iter(range(1000))
+
+    class Watching(progress.Reporter):
+        def begin(self, what, particles, steps):
+            self.pace = progress.Pace(what, particles, steps, clock=lambda: float(next(clock)))
+
+        def step(self, done):
+            super().step(done)
+            seen.append((done, self.pace.rate))
+
+    class Eager(driver.PhaseTimer):
+        def __exit__(self, *error):
+            self._reported = -1.0
+            super().__exit__(*error)
+
+    monkeypatch.setattr(progress, "reporter", lambda quiet: Watching())
+    monkeypatch.setattr(driver, "PhaseTimer", Eager)
+    monkeypatch.setattr(driver, "CHUNK", 10)
+    assert cli.main(["resume", "r"]) == 0
+    assert seen[0] == (50, None), "the clock starts with what was done before"
+    rates = [rate for done, rate in seen if rate is not None]
+    assert seen[-1][0] == 100
+    assert max(rates) <= 10.0, "ten steps a tick of the clock at most: not 60"
+    out = capsys.readouterr().out
+    assert "100 steps of 1 particles" in out
+    timing = json.loads((tmp_path / "r" / "run.json").read_text())["timing"]
+    assert timing["steps"] == 100
+    assert timing["stepping_s"] > first.seconds["stepping_s"] > 0
+
+
+def test_a_run_interrupted_before_its_first_step_after_a_restart(tmp_path, capsys, monkeypatch):
+    """Not "interrupted at step 0": nothing of what was done is lost."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.toml").write_text(SCENE + "[output]\nrestart_every = 5e-4\n")
+    assert cli.main(["run", "scene.toml", "-q", "--out", "r"]) == 0
+
+    def stop(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(driver, "Solver", stop)
+    capsys.readouterr()
+    (tmp_path / "r" / "run.json").unlink()
+    assert cli.main(["resume", "r", "-q"]) == 130
+    assert "interrupted at step 50; what is on disk stays: r" in capsys.readouterr().err
