@@ -1,20 +1,27 @@
 # The two commands of the README. Both set up what is missing first; a second run skips that in under a second.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help verify test mutants lint setup clean
+.PHONY: help verify test test-fast mutants lint setup clean
 
 help: ## this list
-	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile | expand -t 16
+	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' Makefile | expand -t 18
 
 verify: ## compare gpudem with LIGGGHTS and closed forms (standard tier); last line: the report's path
 	@bash tools/setup.sh run
 	@.venv/bin/gpudem compare --tier standard $(ARGS)
 
+# One worker a core; each file of tests in one worker, the cases' with their one report too. WORKERS= for none.
+WORKERS = -n logical --maxprocesses 4 --dist loadfile
+
 test: ## the test suite; ARGS="-k scene" to select
 	@bash tools/setup.sh test
-	@.venv/bin/python -m pytest $(ARGS)
+	@.venv/bin/python -m pytest $(WORKERS) $(ARGS)
 
-mutants: ## break the solver in every way of the table: which check catches each? ARGS=--record keeps it
+test-fast: ## its fast part, some 90 s: no LIGGGHTS, no cases, few kernels to compile
+	@bash tools/setup.sh test
+	@.venv/bin/python -m pytest $(WORKERS) -m "not (slow or liggghts or cases or long)" $(ARGS)
+
+mutants: ## mutation testing: which test detects each known defect? ARGS=--record stores the result
 	@bash tools/setup.sh test
 	@.venv/bin/python -m comparisons.mutants $(ARGS)
 

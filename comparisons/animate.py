@@ -17,7 +17,7 @@ from gpudem.output.vtu import PVD, Frame
 from gpudem.scene import Scene
 
 ENDINGS = (".gif", ".mp4")
-NO_MP4 = "MP4 needs the package imageio-ffmpeg: pip install imageio-ffmpeg (or end the file in .gif)"
+NO_MP4 = "MP4 needs the package imageio-ffmpeg: pip install 'gpudem[video]' (or end the file in .gif)"
 UNITS = {"speed": "m/s", "radius": "m", "velocity": "m/s", "force": "N", "torque": "N m"}
 #: Where a domain is open far upwards: so many of the particles are seen in every frame, and so much above.
 SEEN, HEADROOM = 0.9, 1.15
@@ -55,19 +55,23 @@ def animate(
     Raises:
         GpudemError: no frames, unknown column or ending, no encoder.
     """
-    if out.suffix.lower() not in ENDINGS:
-        raise GpudemError(f"{out}: unknown ending {out.suffix!r}; known: {', '.join(ENDINGS)}")
-    if out.suffix.lower() == ".mp4":
-        _encoder()
-    scene = load_scene(directory)
-    frames = Frames.open(directory)
-    if len(frames) == 0:
-        raise GpudemError(f"{directory / PVD}: no frames; state output.frames_every in the scene")
+    frames, images = _drawn(directory, out, view, color, width, progress)
+    with replacing(out) as partial:
+        write = _write_mp4 if out.suffix.lower() == ".mp4" else _write_gif
+        write(images, partial, fps)
+    return len(frames)
+
+
+def _drawn(
+    directory: Path, out: Path, view: str, color: str, width: int, progress: Callable[[int], None] | None
+) -> tuple[Frames, Iterator[Any]]:
+    """The frames of a run, and their pictures, drawn one by one as they are asked for."""
+    scene, frames = _open(directory, out)
     limits, box = _ranges(scene, frames, color)
     unit = f" {UNITS[color]}" if color in UNITS else ""
     label = f"{color} {limits[0]:.3g} to {limits[1]:.3g}{unit}"
 
-    def images() -> Iterator[np.ndarray]:
+    def images() -> Iterator[Any]:
         for k, (time, frame) in enumerate(zip(frames.times, frames, strict=True), 1):
             if render.can_render():
                 image = render.picture(
@@ -79,10 +83,20 @@ def animate(
             if progress:
                 progress(k)
 
-    with replacing(out) as partial:
-        write = _write_mp4 if out.suffix.lower() == ".mp4" else _write_gif
-        write(images(), partial, fps)
-    return len(frames)
+    return frames, images()
+
+
+def _open(directory: Path, out: Path) -> tuple[Scene, Frames]:
+    """The scene and the frames of a run that can be drawn into `out`. Raises GpudemError if they cannot."""
+    if out.suffix.lower() not in ENDINGS:
+        raise GpudemError(f"{out}: unknown ending {out.suffix!r}; known: {', '.join(ENDINGS)}")
+    if out.suffix.lower() == ".mp4":
+        _encoder()
+    scene = load_scene(directory)
+    frames = Frames.open(directory)
+    if len(frames) == 0:
+        raise GpudemError(f"{directory / PVD}: no frames; state output.frames_every in the scene")
+    return scene, frames
 
 
 def _ranges(

@@ -112,11 +112,22 @@ class Test:
             n = -n
         return np.array([n, t, np.cross(t, n)])
 
-    def scene(self, dt: float, contact: Contact | None = None) -> Scene:
-        """All impacts, `flight` before their touch."""
-        pitch, height = (5 if self.paired else 3.5) * self.radius, 10 * self.radius
+    @property
+    def _height(self) -> float:
+        """Distance [m] of the two planes."""
+        return 10 * self.radius
+
+    def _grid(self) -> tuple[int, float, float]:
+        """Impacts along a side of their square, half of that, the distance [m] of two of them.
+
+        The square stands about the origin, where positions have the most digits.
+        """
         side = math.ceil(math.sqrt(len(self.balls)))
-        middle = (side - 1) / 2  # a square about the origin: positions keep the most digits
+        return side, (side - 1) / 2, (5 if self.paired else 3.5) * self.radius
+
+    def _spheres(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, str]]:
+        """(position, velocity, angular velocity, material) of all, `flight` before their touch."""
+        side, middle, pitch = self._grid()
         rows: list[tuple[np.ndarray, np.ndarray, np.ndarray, str]] = []
         for k, b in enumerate(self.balls):
             n, t, axis = self.axes(k)
@@ -130,9 +141,22 @@ class Test:
                 rows.append((centre + place, velocity, b.spin * axis, name))
                 rows.append((centre - place, -velocity, -b.spin * axis, name))
             else:
-                touch = np.array([x, y, self.radius if n[2] > 0 else height - self.radius])
+                touch = np.array([x, y, self.radius if n[2] > 0 else self._height - self.radius])
                 rows.append((touch - self.flight * velocity, velocity, b.spin * axis, name))
-        position, velocity, spin, names = zip(*rows, strict=True)
+        return rows
+
+    def _walls(self) -> list[Plane]:
+        """A floor and a ceiling, where spheres do not meet each other."""
+        return [
+            Plane(
+                name=PLANES[k], material=f"{w}_plane", point=(0, 0, k * self._height),
+                normal=(0, 0, 1 - 2 * k),
+            )
+            for k, w in enumerate([] if self.paired else self.names)
+        ]  # fmt: skip
+
+    def _materials(self) -> tuple[dict[str, Material], list[Pair]]:
+        """Materials of spheres (one for each restitution) and of planes, and all their pairs."""
         double = 1 if self.paired else 2
         known = {n: m.model_copy(update={"young": double * m.young}) for n, m in self.materials.items()}
         used = {_name(b): b for b in self.balls}
@@ -147,28 +171,29 @@ class Test:
             for k, (a, b) in enumerate(used.items())
             for c in list(used)[k:]
         ]
-        walls = [
-            Plane(
-                name=PLANES[k], material=f"{w}_plane", point=(0, 0, k * height), normal=(0, 0, 1 - 2 * k)
-            )
-            for k, w in enumerate(planes)
-        ]  # fmt: skip
+        materials = {a: known[b.material] for a, b in used.items()}
+        return materials | {f"{w}_plane": known[w] for w in planes}, pairs
+
+    def scene(self, dt: float, contact: Contact | None = None) -> Scene:
+        """All impacts, `flight` before their touch."""
+        _, middle, pitch = self._grid()
+        position, velocity, spin, names = zip(*self._spheres(), strict=True)
+        materials, pairs = self._materials()
         z = 5 * self.radius if self.paired else 0.0
         return Scene(
             name=f"chung_ooi_{self.number}",
             title=f"Chung and Ooi, test {self.number}, step {dt:.3g} s",
-            materials={a: known[b.material] for a, b in used.items()}
-            | {f"{w}_plane": known[w] for w in planes},
+            materials=materials,
             pairs=pairs,
             contact=contact or Contact(),
             particles=Explicit(
                 position=position, velocity=velocity, angular_velocity=spin, radius=self.radius,
                 material=list(names),
             ),
-            walls=walls,
+            walls=self._walls(),
             domain=Domain(
                 lo=(-pitch * (middle + 1), -pitch * (middle + 1), -z - 0.1 * self.radius),
-                hi=(pitch * (middle + 1), pitch * (middle + 1), max(z, height) + 0.1 * self.radius),
+                hi=(pitch * (middle + 1), pitch * (middle + 1), max(z, self._height) + 0.1 * self.radius),
             ),
             time=Time(
                 step=dt, duration=self.flight + AFTER * max(self.contact_time(b) for b in self.balls)

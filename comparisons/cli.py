@@ -20,7 +20,9 @@ import click
 
 from comparisons import codes
 from comparisons.case import TIERS
+from gpudem._version import __version__
 from gpudem.errors import GpudemError, SceneError
+from gpudem.extras import from_extra
 
 BAD_INPUT, COULD_NOT_RUN, INTERRUPTED = 2, 3, 130
 #: What ends a run in order: what is there is saved first. SIGHUP is that of a terminal that closes.
@@ -78,7 +80,7 @@ class _App(click.Group):
 
 
 @click.group(cls=_App, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
-@click.version_option(package_name="gpudem")
+@click.version_option(__version__)
 def app() -> None:
     """Discrete element method on NVIDIA Warp, cross-validated against LIGGGHTS."""
 
@@ -258,7 +260,7 @@ def info() -> int:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return its exit code; our own errors are printed without traceback."""
     try:
-        with _stops():
+        with _stops(), from_extra():  # commands import what they need
             return app.main(arguments, prog_name="gpudem", standalone_mode=False) or 0
     except SceneError as error:
         return _end(str(error), BAD_INPUT)
@@ -309,8 +311,3 @@ def _end(message: str, code: int) -> int:
     with contextlib.suppress(OSError, ValueError):
         click.echo(message, err=True)
     return code
-
-
-def entry() -> None:
-    """The `gpudem` command."""
-    sys.exit(main())

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 
 from comparisons import codes, execute, progress, provenance, setup_table
 from gpudem.errors import GpudemError
@@ -29,8 +28,6 @@ class RunError(GpudemError):
 def run(path: Path, code: str, options: codes.Options, out: Path | None, quiet: bool) -> int:
     """Run a scene file through one code into a folder; Ctrl-C keeps the frames written so far."""
     scene = Scene.from_toml(path)
-    for warning in scene_checks.step_warnings(scene):
-        click.echo(f"warning: {warning}", err=True)
 
     def start(step: codes.Progress) -> Run:
         result = codes.CODES[code].run(scene, directory, options, step, {})
@@ -88,6 +85,9 @@ def _shown(
     """Run with progress and a last line, from step `done`; what is on disk stays. Raises RunError."""
     reporter = progress.reporter(quiet)
     reporter.say(f"{scene.name}: {len(scene.state)} particles, {scene.n_steps} steps -> {directory}")
+    before = scene_checks.scene_warnings(scene) if code == "event_driven" else scene_checks.warnings(scene)
+    for warning in before:
+        click.echo(f"warning: {warning}", err=True)
     reporter.begin(scene.name, len(scene.state), scene.n_steps)
     reporter.pace.done = done
     try:
@@ -104,7 +104,6 @@ def _shown(
     finally:
         reporter.end()
         reporter.close()
-    before = scene_checks.step_warnings(scene)
     for warning in (w for w in result.warnings if w not in before):
         click.echo(f"warning: {warning}", err=True)
     _summary(result, code)
@@ -180,17 +179,5 @@ def validate(path: Path) -> int:
 
 
 def warnings(scene: Scene) -> list[str]:
-    """What is allowed and still worth a second look."""
-    found = [f"check waived: {name}" for name in scene.allow] + scene_checks.step_warnings(scene)
-    speed = float(np.linalg.norm(scene.state.velocity, axis=1).max())
-    if not scene.needs.gravity and speed == 0:
-        found.append("no gravity and no start velocity: nothing will move unless particles overlap")
-    if scene.needs.gravity and not scene.walls and not scene.needs.periodic:
-        found.append("gravity and no wall: particles will leave the domain, which ends the run")
-    stated = scene.time.duration / scene.time.step
-    if abs(scene.n_steps - stated) > 0.5:
-        found.append(f"duration is rounded up to whole frames: {scene.n_steps * scene.time.step:g} s")
-    size = scene.n_steps // scene.frame_stride * len(scene.state) * 150
-    if size > 2e9:
-        found.append(f"frames will take about {size / 1e9:.1f} GB")
-    return found
+    """The checks that the scene waives, and the warnings that every run of it gets."""
+    return [*(f"check waived: {name}" for name in scene.allow), *scene_checks.warnings(scene)]

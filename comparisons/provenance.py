@@ -83,9 +83,9 @@ def gpus() -> list[str]:
     """Names of the CUDA devices that Warp sees; empty without one."""
     import warp
 
-    import gpudem.solver.device  # noqa: F401  (sets Warp up before its first use)
+    from gpudem.solver.device import quiet
 
-    with kernel_cache():
+    with kernel_cache(), quiet():
         warp.init()
     return [f"{d.name} ({d.total_memory / 2**30:.0f} GiB, sm_{d.arch})" for d in warp.get_cuda_devices()]
 

@@ -4,11 +4,14 @@ A test module takes part by a test with the argument `case_check`:
 
     def test_case(case_check):
         case_check()
+
+With pytest-xdist all of them must run in one worker, which writes the report: --dist loadfile does so.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -20,6 +23,8 @@ from comparisons.results import CheckResult
 
 #: The test of a case beside its checks: that it ran, and that its figures and tables could be made.
 WHOLE = "runs and is shown"
+#: Name under which a worker of pytest-xdist says where its report is.
+REPORT = "gpudem_report"
 
 
 class Harness:
@@ -31,6 +36,8 @@ class Harness:
         self.cases = [case for case in find_cases() if self.tier in case.tiers]
         self.wanted: set[str] = set()
         self.session: execute.Session | None = None
+        self.reports: list[Path] = []
+        """Folders of comparisons that workers of pytest-xdist have run."""
         self._done: dict[str, dict[str, CheckResult]] = {}
 
     def parameters(self) -> list[tuple[str, str]]:
@@ -46,7 +53,9 @@ class Harness:
         if self.session is None:
             directory = execute.new_directory(self.config.rootpath / "runs", provenance.commit()[0])
             chosen = [c for c in self.cases if c.name in self.wanted]
-            command = ["pytest", *self.config.invocation_params.args]
+            worker = getattr(self.config, "workerinput", None)  # of pytest-xdist
+            arguments = worker["mainargv"][1:] if worker else self.config.invocation_params.args
+            command = ["pytest", *arguments]
             self.session = execute.Session(chosen, directory, tier=self.tier, command=command)
         if case not in self._done:
             found = self.session.run_case(self.session.cases[case])
@@ -119,11 +128,24 @@ def case_check(request: pytest.FixtureRequest) -> Callable[[], None]:
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
     """Bring the report to its end, also after Ctrl-C."""
-    session.config.stash[_HARNESS].close()
+    harness = session.config.stash[_HARNESS]
+    harness.close()
+    output: dict[str, str] | None = getattr(session.config, "workeroutput", None)  # of pytest-xdist
+    if harness.session is not None and output is not None:
+        output[REPORT] = str(harness.session.directory)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any, error: object) -> None:
+    """A worker of pytest-xdist has ended: where is the report that it wrote, if it ran the cases?"""
+    found = getattr(node, "workeroutput", {}).get(REPORT)
+    if found is not None:
+        node.config.stash[_HARNESS].reports.append(Path(found))
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
     """Say where the report is."""
-    session = config.stash[_HARNESS].session
-    if session is not None:
-        terminalreporter.write_line(f"report: {session.directory / 'report.html'}")
+    harness = config.stash[_HARNESS]
+    own = [harness.session.directory] if harness.session is not None else []
+    for directory in own + harness.reports:
+        terminalreporter.write_line(f"report: {directory / 'report.html'}")

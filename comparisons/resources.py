@@ -50,10 +50,12 @@ def kernel_resources(kernel: Any, architecture: int = 90) -> KernelResources:
     """
     import warp
 
+    from gpudem.solver.device import quiet
+
     ptxas = find_ptxas()
     if ptxas is None:
-        raise GpudemError("no ptxas: install it with  pip install nvidia-cuda-nvcc")
-    with tempfile.TemporaryDirectory() as folder:
+        raise GpudemError("no ptxas: pip install 'gpudem[registers]'")
+    with tempfile.TemporaryDirectory() as folder, quiet():
         ptx = Path(
             warp.compile_aot_module(kernel.module, arch=architecture, module_dir=folder, use_ptx=True)[0]
         )

@@ -1,3 +1,4 @@
+# pyright: reportIndexIssue=false
 """The memory bandwidth of a device, measured: the ceiling of a step that moves so many bytes."""
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ import time
 import numpy as np
 import warp as wp
 
-from gpudem.solver.device import find_device
+from gpudem.solver.device import compile_kernels, find_device
 from gpudem.solver.thread_pool import CpuThreadPool
 
 #: Doubles of each of the two arrays: 512 MiB together, far more than any cache holds.
@@ -35,6 +36,7 @@ def bandwidth(device: str, cores: int, repeats: int = 5) -> float:
     What a processor reads before it overwrites a line is not counted (as in STREAM, McCalpin 1995).
     """
     where = find_device(device)
+    compile_kernels(where, [_copy])
     source, target = (wp.array(np.ones(LENGTH), device=where) for _ in range(2))
     pool = CpuThreadPool(LENGTH, LENGTH // 64, where, cores)
     launch = pool.record_launch(_copy, wp.float64(0.5), [source], [target])

@@ -1,3 +1,4 @@
+# pyright: reportArgumentType=false, reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false
 """Hard disks by time steps: move, find overlapping pairs, apply the rule of collision, repeat.
 
 Two rules. The right one sets overlapping disks apart and turns back those that approach, each pair once in a
@@ -17,6 +18,7 @@ import numpy as np
 import warp as wp
 
 from gpudem.event_driven.problem import HardSphereProblem
+from gpudem.solver.device import compile_kernels, find_device
 
 COLUMNS, ROWS, TOP = wp.constant(12), wp.constant(8), 1.0
 _SIDES = (0, 1, 4)  # xlo, xhi, zlo in the order of the problem
@@ -48,6 +50,75 @@ def _against_wall(x: real, v: real, at: real, inward: real, speed: real, e: real
     return x, v
 
 
+@wp.func
+def _move(
+    box: _Box,
+    dt: real,
+    tested: bool,
+    i: wp.int32,
+    x: wp.array[real],
+    z: wp.array[real],
+    u: wp.array[real],
+    w: wp.array[real],
+):
+    """Disk i one step on, then against the walls."""
+    px = x[i] + u[i] * dt
+    pz = z[i] + w[i] * dt
+    vx = u[i]
+    vz = w[i] - box.gravity * dt
+    if tested:
+        pz = pz - real(0.5) * box.gravity * dt * dt
+    else:  # falls on with the new velocity
+        pz = pz - box.gravity * dt * dt
+    e = box.wall_restitution
+    pz, vz = _against_wall(pz, vz, box.floor, real(1.0), box.speed, e[2], box.radius, tested)
+    px, vx = _against_wall(px, vx, box.lo, real(1.0), real(0.0), e[0], box.radius, tested)
+    px, vx = _against_wall(px, vx, box.hi, real(-1.0), real(0.0), e[1], box.radius, tested)
+    x[i] = px
+    z[i] = pz
+    u[i] = vx
+    w[i] = vz
+
+
+@wp.func
+def _collide(
+    box: _Box,
+    tested: bool,
+    i: wp.int32,
+    j: wp.int32,
+    x: wp.array[real],
+    z: wp.array[real],
+    u: wp.array[real],
+    w: wp.array[real],
+):
+    """The rule of collision for a pair of disks, if they overlap."""
+    half = real(0.5)
+    rx = x[i] - x[j]
+    rz = z[i] - z[j]
+    distance = wp.sqrt(rx * rx + rz * rz)
+    # two pushed into one corner are set to the same place: they have no normal
+    if distance < box.diameter and distance > real(0.0):
+        nx = rx / distance
+        nz = rz / distance
+        speed = nx * (u[i] - u[j]) + nz * (w[i] - w[j])
+        if tested:
+            if speed < real(0.0):
+                gap = half * (box.diameter - distance)
+                x[i] = x[i] + gap * nx
+                z[i] = z[i] + gap * nz
+                x[j] = x[j] - gap * nx
+                z[j] = z[j] - gap * nz
+        else:
+            x[j] = x[i] - box.diameter * nx
+            z[j] = z[i] - box.diameter * nz
+        if speed < real(0.0) or not tested:
+            turn = half * (real(1.0) + box.restitution) * speed
+            u[i] = u[i] - turn * nx
+            w[i] = w[i] - turn * nz
+            u[j] = u[j] + turn * nx
+            w[j] = w[j] + turn * nz
+
+
 @wp.kernel(enable_backward=False)
 def _run(
     # params
@@ -68,30 +139,14 @@ def _run(
     heights: wp.array[real],
 ):
     n = x.shape[0]
-    half = real(0.5)
     for k in range(1, steps + 1):
         for c in range(COLUMNS * ROWS):
             head[c] = -1
         for back in range(n):
             i = n - 1 - back
-            px = x[i] + u[i] * dt
-            pz = z[i] + w[i] * dt
-            vx = u[i]
-            vz = w[i] - box.gravity * dt
-            if tested:
-                pz = pz - half * box.gravity * dt * dt
-            else:  # falls on with the new velocity
-                pz = pz - box.gravity * dt * dt
-            e = box.wall_restitution
-            pz, vz = _against_wall(pz, vz, box.floor, real(1.0), box.speed, e[2], box.radius, tested)
-            px, vx = _against_wall(px, vx, box.lo, real(1.0), real(0.0), e[0], box.radius, tested)
-            px, vx = _against_wall(px, vx, box.hi, real(-1.0), real(0.0), e[1], box.radius, tested)
-            x[i] = px
-            z[i] = pz
-            u[i] = vx
-            w[i] = vz
-            column = wp.clamp(wp.int32((px - box.lo) * box.cell_rate[0]), 0, COLUMNS - 1)
-            row = wp.clamp(wp.int32((pz - box.floor) * box.cell_rate[1]), 0, ROWS - 1)
+            _move(box, dt, tested, i, x, z, u, w)
+            column = wp.clamp(wp.int32((x[i] - box.lo) * box.cell_rate[0]), 0, COLUMNS - 1)
+            row = wp.clamp(wp.int32((z[i] - box.floor) * box.cell_rate[1]), 0, ROWS - 1)
             cell[i] = row * COLUMNS + column
             next[i] = head[cell[i]]
             head[cell[i]] = i
@@ -106,33 +161,8 @@ def _run(
                 if there_column < COLUMNS and there_row >= 0 and there_row < ROWS:
                     j = head[there_row * COLUMNS + there_column]
                     while j >= 0:
-                        rx = x[i] - x[j]
-                        rz = z[i] - z[j]
-                        distance = wp.sqrt(rx * rx + rz * rz)
-                        # two pushed into one corner are set to the same place: they have no normal
-                        met = distance < box.diameter and distance > real(0.0) and j != i
-                        if tested and side == 0 and j < i:
-                            met = False
-                        if met:
-                            nx = rx / distance
-                            nz = rz / distance
-                            speed = nx * (u[i] - u[j]) + nz * (w[i] - w[j])
-                            if tested:
-                                if speed < real(0.0):
-                                    gap = half * (box.diameter - distance)
-                                    x[i] = x[i] + gap * nx
-                                    z[i] = z[i] + gap * nz
-                                    x[j] = x[j] - gap * nx
-                                    z[j] = z[j] - gap * nz
-                            else:
-                                x[j] = x[i] - box.diameter * nx
-                                z[j] = z[i] - box.diameter * nz
-                            if speed < real(0.0) or not tested:
-                                turn = half * (real(1.0) + box.restitution) * speed
-                                u[i] = u[i] - turn * nx
-                                w[i] = w[i] - turn * nz
-                                u[j] = u[j] + turn * nx
-                                w[j] = w[j] + turn * nz
+                        if j != i and not (tested and side == 0 and j < i):
+                            _collide(box, tested, i, j, x, z, u, w)
                         j = next[j]
         if k % stride == 0:
             total = real(0.0)
@@ -153,6 +183,7 @@ def mean_heights(
         every: Time between rows [s].
         tested: Whether only what approaches is turned back, and each pair once: else the source's rule.
     """
+    compile_kernels(find_device("cpu"), [_run])
     walls, material = problem.segments[0][2], int(problem.material[0])
     box = _Box()
     box.radius = float(problem.radius[0])

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from gpudem._version import __version__
 from gpudem.errors import GpudemError, SceneError, SimulationError
 from gpudem.hooks import Hook, every
 from gpudem.output.run import Run
@@ -22,7 +23,6 @@ from gpudem.scene import Scene
 if TYPE_CHECKING:
     from gpudem.driver import resume, simulate
 
-__version__ = "0.1.0"
 __all__ = [
     "GpudemError", "Hook", "Run", "Scene", "SceneError", "SimulationError", "__version__", "every", "resume",
     "simulate",

@@ -168,7 +168,7 @@ def _result(
             precision=scene.solver.precision,
             peak_memory_bytes=peak_memory(),
         ),
-        warnings=checks.step_warnings(scene) + rounded + _energy_warnings(scene, recorder.history),
+        warnings=checks.warnings(scene) + rounded + _energy_warnings(scene, recorder.history),
         notes=notes,
         trace=recorder.trace,
         history=recorder.history,
@@ -236,7 +236,7 @@ def _segments(simulation: Solver, output: _Output, timer: PhaseTimer, restart: R
         continued = restart is not None and first <= restart.step
         with timer.setup(simulation):
             if restart and continued:
-                simulation.load_state_dict(restart.arrays, walls)
+                simulation.load_state_dict(restart.arrays, walls)  # mutate: restart_resume
             else:
                 simulation.start(walls, write=first == 0)
         if first == 0 and not continued:

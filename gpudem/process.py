@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import resource
 import sys
 from pathlib import Path
+
+from gpudem._version import __version__
 
 
 def peak_memory() -> int:
@@ -21,8 +22,5 @@ def peak_memory() -> int:
 
 
 def version() -> str:
-    """Version of the installed distribution of gpudem; "unknown (not installed)" in a bare checkout."""
-    try:
-        return importlib.metadata.version("gpudem")
-    except importlib.metadata.PackageNotFoundError:
-        return "unknown (not installed)"
+    """Gpudem's."""
+    return __version__

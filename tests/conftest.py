@@ -1,13 +1,24 @@
-"""Tests that need LIGGGHTS, a GPU or a browser: skipped where it is missing, failed where it is required."""
+"""Tests that need LIGGGHTS, a GPU or a browser: skipped where it is missing, failed where it is required.
+
+In a run of several workers (`make test`), tests that measure time have the machine for themselves.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import os
 import shutil
+from collections.abc import Generator, Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 pytest_plugins = ["comparisons.pytest_plugin"]
+
+#: Cases of the quick tier whose checks compare run times.
+TIMED_CASES = {"event_speed"}
 
 
 def _gpu() -> bool:
@@ -38,3 +49,39 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
             if os.environ.get(variable) == "1":
                 pytest.fail(f"{missing}, and {variable}=1 requires it", pytrace=False)
             pytest.skip(missing)
+
+
+@pytest.hookimpl(tryfirst=True)  # before -m selects
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        parameters: dict[str, Any] = item.callspec.params if hasattr(item, "callspec") else {}
+        if parameters.get("case_check", ("",))[0] in TIMED_CASES:
+            item.add_marker("timing")
+        if "case_check" in parameters:
+            item.add_marker("cases")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    file = item.config.rootpath / ".pytest_cache" / "machine"
+    workers = file if hasattr(item.config, "workerinput") else None
+    with machine(workers, exclusive=item.get_closest_marker("timing") is not None):
+        return (yield)
+
+
+@contextlib.contextmanager
+def machine(path: Path | None, exclusive: bool) -> Iterator[None]:
+    """Share the machine with the other workers of a run, or have it without them; a file is their lock.
+
+    Of its two bytes the first is held while one waits for the second: so a worker that waits for the others
+    to end their tests is not overtaken by their next ones.
+    """
+    if path is None:
+        yield
+        return
+    path.parent.mkdir(exist_ok=True)
+    with path.open("a+b") as file:
+        fcntl.lockf(file, fcntl.LOCK_EX, 1, 0)
+        fcntl.lockf(file, fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH, 1, 1)
+        fcntl.lockf(file, fcntl.LOCK_UN, 1, 0)
+        yield

@@ -57,7 +57,18 @@ def _member(path: Path) -> None:
         archive.writestr("notes.txt", "not an array")
 
 
+def _twice(path: Path) -> None:
+    import warnings
+
+    with zipfile.ZipFile(path, "w") as archive, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # zipfile's own, of a duplicate name
+        for value in (1.0, 2.0):
+            with archive.open("a.npy", "w") as member:
+                np.lib.format.write_array(member, np.array(value))
+
+
 BAD = {
+    "array twice": (_twice, "array 'a' given twice"),
     "npy": (_npy, "one array"),
     "objects": (lambda p: np.savez(p, a=np.array([{}], dtype=object)), "truncated or corrupted"),
     "pickle": (lambda p: p.write_bytes(pickle.dumps([1, 2])), "not an .npz archive"),

@@ -1,8 +1,13 @@
-"""Rules of the house that a machine can hold: imports go one way and stay light, files stay short."""
+"""Rules that a machine can hold: imports go one way, in no circle, and stay light; functions fit on a screen.
+
+Each rule is also tried on small examples that break it.
+"""
 
 from __future__ import annotations
 
 import ast
+import copy
+import functools
 import json
 import subprocess
 import sys
@@ -15,19 +20,94 @@ ROOT = Path(__file__).parent.parent
 #: In order: each may import those before it, and itself.
 LAYERS = ("gpudem", "reference", "comparisons", "tests")
 HEAVY = {"pyvista", "vtk", "vtkmodules", "meshio", "matplotlib"}
-LONGEST = 400
+#: Lines of a function, and of a kernel, which Warp cannot split freely.
+LONGEST, LONGEST_KERNEL = 60, 120
 
 FILES = sorted(p for layer in LAYERS for p in (ROOT / layer).rglob("*.py"))
 IDS = [str(p.relative_to(ROOT)) for p in FILES]
 
 
-def imports(tree: ast.AST) -> Iterator[str]:
-    """Every imported module, wherever it is imported."""
-    for node in ast.walk(tree):
+@functools.cache
+def parsed(path: Path) -> ast.Module:
+    """The syntax tree of a file. Not to be changed."""
+    return ast.parse(path.read_text())
+
+
+def is_type_checking(node: ast.AST) -> bool:
+    """Whether it is `if TYPE_CHECKING`."""
+    return isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")
+
+
+def walk(tree: ast.AST, types_only: bool = True) -> Iterator[ast.AST]:
+    """All nodes; without `types_only` those that only the type checker reads are left out."""
+    for node in ast.iter_child_nodes(tree):
+        if types_only or not is_type_checking(node):
+            yield node
+            yield from walk(node, types_only)
+
+
+def imports(tree: ast.AST, types_only: bool = True) -> Iterator[str]:
+    """Every imported module or name, wherever it is imported."""
+    for node in walk(tree, types_only):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "imports are absolute: the rules here read no others"
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def module_name(path: Path) -> str:
+    """gpudem/scene/__init__.py -> gpudem.scene."""
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def import_graph(trees: dict[str, ast.AST]) -> dict[str, set[str]]:
+    """Module -> modules of the same set that it names in an import, also within functions.
+
+    The package of an imported submodule is not named by that: `from gpudem.scene import model` names
+    gpudem.scene.model, `from gpudem.scene import Scene` names gpudem.scene.
+    """
+    return {
+        name: {
+            found
+            for target in imports(tree, types_only=False)
+            for found in (target if target in trees else target.rpartition(".")[0],)
+            if found in trees
+        }
+        for name, tree in trees.items()
+    }
+
+
+def circles(graph: dict[str, set[str]]) -> set[frozenset[str]]:
+    """Strongly connected components: sets of modules each of which reaches each, or one that names itself."""
+    reached: dict[str, set[str]] = {}
+    for name in graph:
+        waiting, reached[name] = list(graph[name]), set()
+        while waiting:
+            at = waiting.pop()
+            if at not in reached[name]:
+                reached[name].add(at)
+                waiting += graph[at]
+    return {
+        frozenset(other for other in reached[name] if name in reached[other])
+        for name in graph
+        if name in reached[name]
+    }
+
+
+def long_functions(tree: ast.AST) -> Iterator[tuple[str, int]]:
+    """(name, lines) of functions that are too long; what is defined within one counts for itself."""
+    functions = (ast.FunctionDef, ast.AsyncFunctionDef)
+    for node in ast.walk(tree):
+        if isinstance(node, functions):
+            lines = set(range(node.lineno, (node.end_lineno or 0) + 1))
+            for inner in ast.walk(node):
+                if inner is not node and isinstance(inner, (*functions, ast.ClassDef)):
+                    first = min([inner.lineno, *(d.lineno for d in inner.decorator_list)])
+                    lines -= set(range(first, (inner.end_lineno or 0) + 1))
+            kernel = any("kernel" in ast.unparse(d) for d in node.decorator_list)
+            if len(lines) > (LONGEST_KERNEL if kernel else LONGEST):
+                yield node.name, len(lines)
 
 
 def at_import(tree: ast.Module) -> ast.Module:
@@ -40,16 +120,16 @@ def at_import(tree: ast.Module) -> ast.Module:
         visit_AsyncFunctionDef = visit_Lambda = visit_FunctionDef
 
         def visit_If(self, node):
-            return None if ast.unparse(node.test).endswith("TYPE_CHECKING") else self.generic_visit(node)
+            return None if is_type_checking(node) else self.generic_visit(node)
 
-    return Strip().visit(tree)
+    return Strip().visit(copy.deepcopy(tree))
 
 
 @pytest.mark.parametrize("path", FILES, ids=IDS)
 def test_imports_go_one_way(path):
     layer = LAYERS.index(path.relative_to(ROOT).parts[0])
     forbidden = LAYERS[layer + 1 :]
-    wrong = [name for name in imports(ast.parse(path.read_text())) if name.split(".")[0] in forbidden]
+    wrong = [name for name in imports(parsed(path)) if name.split(".")[0] in forbidden]
     assert not wrong, f"{LAYERS[layer]} must not know of {wrong}"
 
 
@@ -60,7 +140,7 @@ def test_the_rule_sees_nested_imports():
 
 @pytest.mark.parametrize("path", FILES, ids=IDS)
 def test_heavy_packages_are_imported_where_they_are_used(path):
-    wrong = [n for n in imports(at_import(ast.parse(path.read_text()))) if n.split(".")[0] in HEAVY]
+    wrong = [n for n in imports(at_import(parsed(path))) if n.split(".")[0] in HEAVY]
     assert not wrong, f"import {wrong} inside the function that uses it"
 
 
@@ -75,10 +155,85 @@ def test_oracles_know_nothing_of_the_contact_law():
     paths = [p for p in FILES if "oracles" in p.relative_to(ROOT).parts or p.name.startswith("oracles")]
     assert paths
     for path in paths:
-        wrong = [n for n in imports(ast.parse(path.read_text())) if n.startswith("gpudem.contact")]
+        wrong = [n for n in imports(parsed(path)) if n.startswith("gpudem.contact")]
         assert not wrong, f"{path}: an oracle that shares the law's numbers checks nothing"
 
 
-@pytest.mark.parametrize("path", FILES, ids=IDS)
-def test_files_stay_short(path):
-    assert len(path.read_text().splitlines()) <= LONGEST
+@pytest.mark.parametrize("layer", LAYERS)
+def test_no_import_circle(layer):
+    trees = {module_name(p): parsed(p) for p in (ROOT / layer).rglob("*.py")}
+    assert circles(import_graph(trees)) == set()
+
+
+def test_the_rule_sees_circles():
+    """Lazy imports count, also through a package; those for types do not, nor a submodule for its package."""
+    sources = {
+        "p": "from p.a import A",  # ...and p.a names a submodule of p: no circle
+        "p.a": "from p import b",
+        "p.b": "def f():\n    from p.c import C",
+        "p.c": "if TYPE_CHECKING:\n    from p.b import f\nimport numpy",
+        "p.d": "import p.e",
+        "p.e": "def f():\n    if True:\n        import p.d",
+        "p.f": "from p import A",  # a name of the package
+        "p.g": "from p.g import itself",
+    }
+    assert circles(import_graph({name: ast.parse(text) for name, text in sources.items()})) == {
+        frozenset({"p.d", "p.e"}),
+        frozenset({"p.g"}),
+    }
+    sources["p.c"] = "from p import A"  # p -> p.a -> p.b -> p.c -> p
+    assert frozenset({"p", "p.a", "p.b", "p.c"}) in circles(
+        import_graph({name: ast.parse(text) for name, text in sources.items()})
+    )
+
+
+def test_functions_fit_on_a_screen():
+    found = {
+        f"{module_name(path)}.{name}": lines for path in FILES for name, lines in long_functions(parsed(path))
+    }
+    assert not found
+
+
+def test_the_rule_sees_long_functions():
+    def lines(n, indent="    "):
+        return (indent + "x = 1\n") * n
+
+    text = (
+        f"def fits():\n{lines(59)}\ndef long():\n{lines(60)}\n"
+        f"@wp.kernel(module='unique')\ndef kernel():\n{lines(119)}"
+        f"@wp.kernel\ndef long_kernel():\n{lines(120)}\n@wp.func\ndef long_func():\n{lines(119)}"
+        f"def factory():\n{lines(30)}    @wp.kernel\n    def inner():\n{lines(100, ' ' * 8)}\n{lines(27)}"
+        f"def long_factory():\n{lines(30)}    def inner():\n{lines(10, ' ' * 8)}{lines(30)}"
+        f"class C:\n    def method(self):\n{lines(60, ' ' * 8)}"
+    )
+    found = dict(long_functions(ast.parse(text)))
+    assert found == {"long": 61, "long_kernel": 121, "long_func": 120, "long_factory": 61, "method": 61}
+
+
+def settings_of_warp(tree: ast.AST) -> Iterator[str]:
+    """Assignments to Warp's settings, which belong to the user's process, and kernels with an adjoint.
+
+    An adjoint is half the code to compile; each kernel says itself that it has none.
+    """
+    for node in ast.walk(tree):
+        for text in map(ast.unparse, getattr(node, "decorator_list", [])):
+            if text.startswith("wp.kernel") and "enable_backward=False" not in text:
+                yield text
+        if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+            if (text := ast.unparse(node)).startswith(("wp.config.", "warp.config.")):
+                yield text
+
+
+def test_the_settings_of_warp_are_the_users():
+    files = [path for path in FILES if path.relative_to(ROOT).parts[0] != "tests"]
+    found = {path: list(settings_of_warp(parsed(path))) for path in files}
+    assert not {path: texts for path, texts in found.items() if texts}
+
+
+def test_the_rule_sees_settings_of_warp():
+    text = (
+        "wp.config.quiet = True\nlevel = wp.config.log_level\n"
+        "@wp.kernel\ndef f():\n    warp.config.mode = 'debug'\n"
+        "@wp.kernel(module='unique', enable_backward=False)\ndef g(): pass\n@wp.func\ndef h(): pass"
+    )
+    assert sorted(settings_of_warp(ast.parse(text))) == ["warp.config.mode", "wp.config.quiet", "wp.kernel"]

@@ -4,8 +4,8 @@
     python tools/compare_speed.py A B --sizes 5000,20000 --threads 1 --precision mixed
 
 Two processes hold one simulation each and take turns, a fraction of a second long, so that what else the
-machine does affects both. Prints a line per bed: median ratio of the times (first commit / second: above 1 the
-second is faster), its quartiles over the turns, and the bytes of device arrays per particle.
+machine does affects both. Prints a line per bed: median ratio of the times (first commit / second: above 1
+the second is faster), its quartiles over the turns, and the bytes of device arrays per particle.
 """
 
 from __future__ import annotations

@@ -87,6 +87,13 @@ install_python() {
     die "no Python >= 3.11 with venv (python3 is $(python3 -V 2>&1)); install one, or name it: PYTHON=/path make test"
 }
 
+extras_of() { # extras_of PART: of pyproject.toml
+  case $1 in
+    run) echo compare,registers ;;
+    *) echo "$1" ;; # test and lint have extras of their own, which name what else they need
+  esac
+}
+
 install_packages() { # install_packages EXTRAS
   [[ -x .venv/bin/python ]] && .venv/bin/python -m pip --version >/dev/null 2>&1 || {
     install_python
@@ -116,8 +123,8 @@ if [[ ${parts[*]} != lint ]]; then install_liggghts; fi
 start=$SECONDS
 if [[ ${stale[*]} != lint ]]; then install_libraries; fi
 if wants test; then install_browser; fi
-extras=$(printf '%s\n' "${stale[@]}" | grep -v '^run$' | paste -sd, || true)
-install_packages "${extras:+[$extras]}"
+extras=$(for part in "${stale[@]}"; do extras_of "$part"; done | paste -sd,)
+install_packages "[$extras]"
 if wants test; then stale+=(run); fi # what tests need covers what a run needs
 for part in "${stale[@]}"; do printf '%s' "$key" >".venv/gpudem-$part"; done
 say "done in $((SECONDS - start)) s"

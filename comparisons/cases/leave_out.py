@@ -90,7 +90,7 @@ def kernel_table(results: Results) -> pandas.DataFrame:
     from gpudem.solver.spec import Spec
 
     if find_ptxas() is None:
-        return pandas.DataFrame({"note": ["no ptxas here: pip install nvidia-cuda-nvcc"]})
+        return pandas.DataFrame({"note": ["left out: no ptxas here (pip install 'gpudem[registers]')"]})
     rows = []
     for label in (PLAIN, FULL):
         for precision in ("float64", "float32"):
@@ -99,7 +99,7 @@ def kernel_table(results: Results) -> pandas.DataFrame:
                 found = step_kernel_resources(Spec.of(scene))
             except GpudemError as error:  # an older assembler than Warp's PTX: a fact about this machine
                 return pandas.DataFrame(
-                    {"note": [f"{str(error).splitlines()[0]}; pip install nvidia-cuda-nvcc"]}
+                    {"note": [f"{str(error).splitlines()[0]}; pip install 'gpudem[registers]'"]}
                 )
             rows.append((label, precision, found.registers, found.spill_bytes, found.stack_bytes))
     return pandas.DataFrame(rows, columns=["scene", "precision", "registers", "spilled [B]", "stack [B]"])

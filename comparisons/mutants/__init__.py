@@ -1,1 +1,1 @@
-"""Does the suite catch errors? The solver broken in named ways, one at a time: `make mutants`."""
+"""Mutation testing: the solver with one known defect at a time; do the tests detect it? `make mutants`."""

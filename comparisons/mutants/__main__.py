@@ -1,6 +1,8 @@
-"""`make mutants`: breaks the solver in every way of the table, one at a time; which check sees it?
+"""`make mutants`: runs the test set on the solver with each mutation of the table, one at a time.
 
-Ends with 1 if a mutant survives, 2 if the table is out of date or the sound copy fails the battery.
+Exit code 0: a test failed for each mutant. 1: a mutant survived. 2: the table does not fit the sources, or
+the baseline fails. 3: no mutant survived, but some are unknown: the tests reached the time limit before one
+failed.
 """
 
 from __future__ import annotations
@@ -15,76 +17,101 @@ from typing import Any
 import click
 
 from comparisons import provenance
-from comparisons.mutants.recorded import RECORDED, recorded
-from comparisons.mutants.table import Battery, Mutation, load
-from comparisons.mutants.trial import Copy, Verdict
+from comparisons.mutants.markers import Sources
+from comparisons.mutants.recorded import RECORDED, load_record
+from comparisons.mutants.table import Mutation, TestSet, load
+from comparisons.mutants.trial import CAUGHT, SURVIVED, UNKNOWN, SourceCopy, Verdict
 from gpudem.errors import GpudemError
 
 ROOT = Path(__file__).parents[2]
-#: So few mutants do not ask for the whole battery on the sound copy first.
+#: Up to so many mutants, the baseline is verified only for the tests that they need.
 FEW = 20
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("names", nargs=-1)
-@click.option("--record", is_flag=True, help="Keep the result in comparisons/recorded/mutants.json.")
+@click.option("--record", is_flag=True, help="Store the result in comparisons/recorded/mutants.json.")
 @click.option(
-    "--everything", is_flag=True, help="Try the whole battery on each, not until one check catches."
+    "--everything", is_flag=True, help="Run the whole test set on each mutant, not only until a test fails."
 )
 def main(names: tuple[str, ...], record: bool, everything: bool) -> None:
-    """Break the solver in all ways, or in those named."""
+    """Test all mutants, or those named."""
     try:
-        battery, mutations = load()
+        test_set, mutations = load()
         chosen = [m for m in mutations if not names or m.name in names]
-        unknown = set(names) - {m.name for m in mutations}
-        if unknown:
-            raise GpudemError(f"no such mutation: {', '.join(sorted(unknown))}")
+        unknown_names = set(names) - {m.name for m in mutations}
+        if unknown_names:
+            raise GpudemError(f"no such mutation: {', '.join(sorted(unknown_names))}")
+        sources = Sources.read(ROOT)
         for m in mutations:
-            m.applied((ROOT / m.file).read_text())
-        rows, seconds = _all(battery, chosen, everything)
+            m.applied(sources)
+        rows, seconds = _test_all(test_set, chosen, everything)
     except GpudemError as error:
         click.echo(f"error: {error}", err=True)
         sys.exit(2)
-    alive = [row["name"] for row in rows if not row["caught_by"]]
-    click.echo(f"{len(rows) - len(alive)} of {len(rows)} caught, {seconds:.0f} s")
-    if alive:
-        click.echo(f"survived: {', '.join(alive)}")
+    by_outcome = {
+        o: [row["name"] for row in rows if row["outcome"] == o] for o in (CAUGHT, SURVIVED, UNKNOWN)
+    }
+    click.echo(f"{len(by_outcome[CAUGHT])} of {len(rows)} caught, {seconds:.0f} s")
+    for outcome in (SURVIVED, UNKNOWN):
+        if by_outcome[outcome]:
+            click.echo(f"{outcome}: {', '.join(by_outcome[outcome])}")
     if record:
-        where = {k: v for k, v in provenance.collect().items() if k in ("date", "commit", "hardware")}
-        RECORDED.parent.mkdir(exist_ok=True)
-        kept = recorded() if names else None  # those named replace their rows, each with its own commit
-        if kept is not None:
-            where, seconds = kept["provenance"], kept["seconds"]
-            again = {row["name"]: row for row in [*kept["mutants"], *rows]}
-            rows = [again[m.name] for m in mutations if m.name in again]
-        text = json.dumps({"provenance": where, "seconds": round(seconds), "mutants": rows}, indent=1)
-        RECORDED.write_text(text + "\n")
-        click.echo(f"kept in {RECORDED}")
-    sys.exit(1 if alive else 0)
+        _record(rows, seconds, mutations, merge=bool(names))
+    sys.exit(exit_code(rows))
 
 
-def _all(battery: Battery, chosen: list[Mutation], everything: bool) -> tuple[list[dict[str, Any]], float]:
+def exit_code(rows: list[dict[str, Any]]) -> int:
+    """0: all caught; 1: one survived; 3: none survived, one is unknown."""
+    outcomes = {row["outcome"] for row in rows}
+    return 1 if SURVIVED in outcomes else 3 if UNKNOWN in outcomes else 0
+
+
+def _record(rows: list[dict[str, Any]], seconds: float, mutations: list[Mutation], merge: bool) -> None:
+    """Write the record; with `merge`, rows replace those of the same names, and each has its own commit."""
+    where = {k: v for k, v in provenance.collect().items() if k in ("date", "commit", "hardware")}
+    RECORDED.parent.mkdir(exist_ok=True)
+    last = load_record() if merge else None
+    if last is not None:
+        where, seconds = last.provenance, last.seconds
+        merged = {row["name"]: row for row in [*(r.data for r in last.rows), *rows]}
+        rows = [merged[m.name] for m in mutations if m.name in merged]
+    text = json.dumps({"provenance": where, "seconds": round(seconds), "mutants": rows}, indent=1)
+    RECORDED.write_text(text + "\n")
+    click.echo(f"stored in {RECORDED}")
+
+
+def _test_all(
+    test_set: TestSet, chosen: list[Mutation], everything: bool
+) -> tuple[list[dict[str, Any]], float]:
     began, rows = time.monotonic(), []
     with tempfile.TemporaryDirectory(prefix="mutants_") as folder:
-        copy = Copy(ROOT, Path(folder), battery)
-        if len(chosen) > FEW:  # else each member is proved when a mutant first meets it
-            seconds = copy.prove(list(battery.nodes))
-            click.echo(f"sound copy: all {len(battery.nodes)} members of the battery pass, {seconds:.0f} s")
+        copy = SourceCopy(ROOT, Path(folder), test_set)
+        if len(chosen) > FEW:  # else each member of the test set is verified when a mutant first needs it
+            seconds = copy.verify_baseline(list(test_set.nodes))
+            click.echo(f"baseline: all {len(test_set.nodes)} members of the test set pass, {seconds:.0f} s")
         for k, m in enumerate(chosen, 1):
-            first = list(battery.nodes) if everything else list(m.look)
-            verdict = copy.mutant(m, first)
-            rows.append(_row(m, verdict, provenance.commit()[0]))
-            word = f"caught by {verdict.caught_by[0]}" if verdict.caught_by else "SURVIVED"
-            more = f" and {len(verdict.caught_by) - 1} more" if len(verdict.caught_by) > 1 else ""
-            click.echo(f"[{k}/{len(chosen)}] {m.name}: {word}{more}, {verdict.seconds:.0f} s")
+            verdict = copy.test(m, list(test_set.nodes if everything else m.first_tests))
+            rows.append(_row(m, copy.sources, verdict, provenance.commit()[0]))
+            click.echo(f"[{k}/{len(chosen)}] {m.name}: {_phrase(verdict)}, {verdict.seconds:.0f} s")
     return rows, time.monotonic() - began
 
 
-def _row(m: Mutation, verdict: Verdict, commit: str) -> dict[str, Any]:
+def _phrase(verdict: Verdict) -> str:
+    if verdict.outcome == UNKNOWN:
+        return "UNKNOWN: no test failed before the time limit"
+    if verdict.outcome == SURVIVED:
+        return "SURVIVED"
+    more = f" and {len(verdict.caught_by) - 1} more" if len(verdict.caught_by) > 1 else ""
+    return f"caught by {verdict.caught_by[0]}{more}"
+
+
+def _row(m: Mutation, sources: Sources, verdict: Verdict, commit: str) -> dict[str, Any]:
+    marked = sources.find(m.marker)
     return {
-        "name": m.name, "file": m.file, "old": m.old, "new": m.new, "wrong": m.wrong,
-        "caught_by": verdict.caught_by, "tried": len(verdict.tried), "seconds": round(verdict.seconds, 1),
-        "commit": commit,
+        "name": m.name, "marker": m.marker, "operation": str(m.operation), "file": marked.path,
+        "line": marked.line, "defect": m.defect, "outcome": verdict.outcome, "caught_by": verdict.caught_by,
+        "tried": len(verdict.tried), "seconds": round(verdict.seconds, 1), "commit": commit,
     }  # fmt: skip
 
 

@@ -1,48 +1,54 @@
-"""The ways to break the solver, as data: data/mutations.toml."""
+"""The table of mutations, data/mutations.toml, and the tests that have to detect them."""
 
 from __future__ import annotations
 
 import dataclasses
 import tomllib
 from pathlib import Path
+from typing import Any
 
+from comparisons.mutants.markers import Marked, Sources
+from comparisons.mutants.operations import Operation
 from gpudem.errors import GpudemError
 
 TABLE = Path(__file__).parent / "data" / "mutations.toml"
+FIELDS = ("name", "marker", "operation", "at", "defect", "first_tests")
 
 
 @dataclasses.dataclass(frozen=True)
 class Mutation:
-    """One wrong: a text of one source file replaced by another."""
+    """One defect: an operation on the statement with a marker."""
 
     name: str
-    file: str
-    """Path below the repository's root."""
-    old: str
-    """Occurs exactly once in the file; else the table is out of date, which is an error."""
-    new: str
-    wrong: str
-    """What is wrong then, and what it would do."""
-    look: tuple[str, ...]
-    """Members of the battery that are tried first."""
+    marker: str
+    operation: Operation
+    defect: str
+    """What the solver does then."""
+    first_tests: tuple[str, ...]
+    """Members of the test set that run first."""
 
-    def applied(self, text: str) -> str:
-        """The file with the wrong in it. Raises GpudemError where `old` is not there exactly once."""
-        found = text.count(self.old)
-        if found != 1:
-            raise GpudemError(f"mutation {self.name!r}: its old text stands {found} times in {self.file}")
-        return text.replace(self.old, self.new)
+    def applied(self, sources: Sources) -> tuple[Marked, str]:
+        """The marked statement, and the text of its file with the defect in it.
+
+        Raises GpudemError if the marker is missing or not unique, or if the operation does not apply.
+        """
+        try:
+            marked = sources.find(self.marker)
+            return marked, self.operation.applied(marked, sources.find)
+        except GpudemError as error:
+            raise GpudemError(f"mutation {self.name!r}: {error}") from None
 
 
 @dataclasses.dataclass(frozen=True)
-class Battery:
-    """The fast checks that a broken solver has to pass: short name -> pytest node."""
+class TestSet:
+    """The fast tests that have to detect the mutations: short name -> pytest node."""
+
+    __test__ = False  # no test for pytest to collect
 
     nodes: dict[str, str]
 
-    def name(self, classname: str, test: str) -> str:
-        """Short name of a test from its entry in junit.xml."""
-        node = f"{classname.replace('.', '/')}.py::{test}"
+    def short_name(self, node: str) -> str:
+        """Short name of a test, given its full pytest node."""
         for name, prefix in self.nodes.items():
             if node == prefix:
                 return name
@@ -52,17 +58,37 @@ class Battery:
         return node
 
 
-def load(path: Path = TABLE) -> tuple[Battery, list[Mutation]]:
-    """The battery and all mutations. Raises GpudemError for a name that stands twice or is unknown."""
+def load(path: Path = TABLE) -> tuple[TestSet, list[Mutation]]:
+    """The test set and all mutations.
+
+    Raises GpudemError for a mutation that is incomplete, names an unknown test, or whose name is taken.
+    """
     data = tomllib.loads(path.read_text())
-    templates, nodes = data["battery"], {}
-    for kind, entry in templates.items():
+    nodes = {}
+    for kind, entry in data["test_set"].items():
         for member in entry.get("of", [""]):
             nodes[f"{kind} {member}".strip()] = entry["node"].replace("{}", member)
-    mutations = [Mutation(**{**m, "look": tuple(m["look"])}) for m in data["mutation"]]
-    names = [m.name for m in mutations]
-    twice = sorted({n for n in names if names.count(n) > 1})
-    unknown = sorted({look for m in mutations for look in m.look if look not in nodes})
-    if twice or unknown:
-        raise GpudemError(f"{path}: twice: {twice}; not in the battery: {unknown}")
-    return Battery(nodes), mutations
+    mutations: list[Mutation] = []
+    for row in data["mutation"]:
+        mutation = _mutation(path, row)
+        unknown = [test for test in mutation.first_tests if test not in nodes]
+        if unknown:
+            raise GpudemError(
+                f"{path}: mutation {mutation.name!r}: not in the test set: {', '.join(unknown)}"
+            )
+        if mutation.name in {m.name for m in mutations}:
+            raise GpudemError(f"{path}: there are two mutations {mutation.name!r}")
+        mutations.append(mutation)
+    return TestSet(nodes), mutations
+
+
+def _mutation(path: Path, row: dict[str, Any]) -> Mutation:
+    missing = [key for key in FIELDS if key not in row and key != "at"]
+    if missing:
+        raise GpudemError(f"{path}: mutation {row.get('name')!r}: missing: {', '.join(missing)}")
+    options = {key: value for key, value in row.items() if key not in FIELDS}
+    try:
+        operation = Operation(row["operation"], row.get("at", ""), options)
+    except GpudemError as error:
+        raise GpudemError(f"{path}: mutation {row['name']!r}: {error}") from None
+    return Mutation(row["name"], row["marker"], operation, row["defect"], tuple(row["first_tests"]))

@@ -18,5 +18,5 @@ def pair_coefficients(laws: Iterable[Law], inputs: PairInputs) -> dict[str, floa
     for law in laws:
         values |= law.coefficients_of(inputs)
     if not inputs.contact.tangential_damping and "c_tangential" in values:
-        values["c_tangential"] = 0.0
+        values["c_tangential"] = 0.0  # mutate: no_tangential_damping
     return values

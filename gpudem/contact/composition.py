@@ -40,8 +40,8 @@ def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, p
     """
     stiffness = registry.law("normal", normal).stiffness
     damping_over_step = mean_damping(normal)
-    tangential_law = registry.find("tangential", tangential)
-    rolling_law = registry.find("rolling", rolling)
+    tangential_law: Any = registry.find("tangential", tangential)
+    rolling_law: Any = registry.find("rolling", rolling)
     tangential_force = tangential_law.force if tangential_law else None
     rolling_torque_of = rolling_law.torque if rolling_law else None
 
@@ -55,15 +55,15 @@ def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, p
                 travel = c.overlap_plus_half - c.overlap_minus_half
                 if wp.abs(travel) > type(dt)(0.001) * c.overlap and cn > type(dt)(0.0):
                     ct = ct * (damping * dt / (travel * cn))
-        fn = kn * c.overlap + damping
+        fn = kn * c.overlap + damping  # mutate: normal_force
         if wp.static(limit_force):
-            fn = wp.max(fn, type(fn)(0.0))
+            fn = wp.max(fn, type(fn)(0.0))  # mutate: no_attraction
         force = fn * c.normal
         n_cross_ft = type(c.normal)()
         if wp.static(tangential_force is not None):
-            ft, spring_new = wp.static(tangential_force)(c, p, kt, ct, fn, spring)
+            ft, spring_new = wp.static(tangential_force)(c, p, kt, ct, fn, spring)  # mutate: tangential_law
             force = force + ft
-            n_cross_ft = wp.cross(c.normal, ft)
+            n_cross_ft = wp.cross(c.normal, ft)  # mutate: friction_torque
         else:
             spring_new = spring
         rolling_torque = type(c.normal)()

@@ -20,18 +20,18 @@ HERTZ_TIME = 0.8 * math.sqrt(math.pi) * math.gamma(0.4) / math.gamma(0.9) * (15 
 
 def young_eff(a: Material, b: Material) -> float:
     """Effective Young's modulus E* [Pa]."""
-    return 1 / ((1 - a.poisson**2) / a.young + (1 - b.poisson**2) / b.young)
+    return 1 / ((1 - a.poisson**2) / a.young + (1 - b.poisson**2) / b.young)  # mutate: effective_young
 
 
 def shear_eff(a: Material, b: Material) -> float:
     """Effective shear modulus G* [Pa]."""
-    return 1 / sum(2 * (2 - m.poisson) * (1 + m.poisson) / m.young for m in (a, b))
+    return 1 / sum(2 * (2 - m.poisson) * (1 + m.poisson) / m.young for m in (a, b))  # mutate: effective_shear
 
 
 def damping_ratio(restitution: float) -> float:
     """|beta| [1] of a coefficient of restitution e: |ln e| / sqrt(ln^2 e + pi^2)."""
     log = math.log(restitution)
-    return abs(log) / math.hypot(log, math.pi)
+    return abs(log) / math.hypot(log, math.pi)  # mutate: damping_ratio
 
 
 def hertz_time(e_eff: float, radius: float, mass: float, speed: float) -> float:

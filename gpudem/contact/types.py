@@ -1,3 +1,4 @@
+# pyright: reportInvalidTypeForm=false
 """What a contact law reads: the geometry and motion of one contact, the coefficients of one material pair."""
 
 import functools

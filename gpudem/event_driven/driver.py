@@ -17,7 +17,7 @@ from gpudem.output.recorder import Recorder
 from gpudem.output.run import Run, Timing, conclude
 from gpudem.output.vtu import Frame
 from gpudem.process import peak_memory, version
-from gpudem.scene import Scene
+from gpudem.scene import Scene, checks
 
 #: Columns of the history after HISTORY_COLUMNS, cumulative since the start: collisions [1], work of walls and
 #: dissipation [J], and the sum of impulse times distance of centers over the collisions of pairs [J s].
@@ -165,6 +165,7 @@ class _EventRun:
                 output_s=self._output_s,
                 peak_memory_bytes=peak_memory(),
             ),
+            warnings=checks.scene_warnings(self.scene),
             notes=notes,
             trace=self.recorder.trace,
             history=history,

@@ -13,7 +13,7 @@ from gpudem.event_driven import event_state as es
 from gpudem.event_driven.all_pairs import all_pairs_kernel
 from gpudem.event_driven.kernels import build_kernels
 from gpudem.event_driven.problem import SIDES, HardSphereProblem, SideWalls, wrap_periodic
-from gpudem.solver.device import find_device
+from gpudem.solver.device import compile_kernels, find_device
 
 #: Events of one launch, some 40 ms; between launches Ctrl-C, progress and the event rate are looked at.
 EVENTS_PER_LAUNCH = 100_000
@@ -93,6 +93,7 @@ class Engine:
             if problem.periodic.any():
                 raise SimulationError("search = 'pairs': periodic sides are not supported; use 'tree'")
             self._advance = all_pairs_kernel(sawtooth, problem.rough)
+        compile_kernels(self._device, (self._start, self._advance))
         self.cells = _number_of_cells(problem, cell_edge)
         self.cell_edge = (problem.hi - problem.lo) / self.cells
         self.side_closed = np.zeros(6, np.int32)

@@ -3,8 +3,6 @@
 
 import warp as wp
 
-import gpudem.solver.device  # noqa: F401  (Warp is configured before its first kernel)
-
 real, vec3 = wp.float64, wp.vec3d
 #: Time of an event that does not happen [s].
 NEVER = wp.constant(wp.float64(1e300))

@@ -21,7 +21,8 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
 
     Raises:
         ArchiveError: no such file, not readable, not an archive of arrays (also a .npy file under this name),
-            truncated or corrupted, arrays of Python objects, more than fits in memory.
+            truncated or corrupted, two arrays of one name, arrays of Python objects, more than fits in
+            memory.
     """
     try:
         with path.open("rb") as file:  # np.load leaves a file open that it cannot read
@@ -32,6 +33,9 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
                 raise ArchiveError(f"{path}: not an .npz archive, or truncated")
             file.seek(0)
             with np.load(file, allow_pickle=False) as archive:
+                twice = [name for name in archive.files if archive.files.count(name) > 1]
+                if twice:
+                    raise ArchiveError(f"{path}: array {twice[0]!r} given twice")
                 arrays = {name: archive[name] for name in archive.files}
     except ArchiveError:
         raise

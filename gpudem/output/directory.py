@@ -11,12 +11,11 @@ A run needs nothing outside its folder: it can be moved, and the particle file t
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import shutil
 from pathlib import Path
-
-import numpy as np
 
 from gpudem.errors import GpudemError
 from gpudem.output.atomic import WriteError, remove_temporary, write_npz, write_text
@@ -90,23 +89,12 @@ def save_scene(directory: Path, scene: Scene) -> None:
     """Write scene.json, and particles.npz where the particles come from a file. Raises WriteError."""
     text = scene.to_json()
     if isinstance(scene.particles, FromFile):
-        write_npz(directory / PARTICLES, _columns(scene, scene.particles))
+        columns = {field.name: getattr(scene.state, field.name) for field in dataclasses.fields(scene.state)}
+        write_npz(directory / PARTICLES, columns)
         data = json.loads(text)
         data["particles"]["path"] = PARTICLES
         text = json.dumps(data, indent=1)
     write_text(directory / SCENE, text)
-
-
-def _columns(scene: Scene, particles: FromFile) -> dict[str, np.ndarray]:
-    """The initial state as the columns of a particle file that gives it, bit for bit."""
-    state = scene.state
-    columns = {"position": state.position, "velocity": state.velocity}
-    columns["angular_velocity"] = state.angular_velocity
-    if particles.radius is None or (state.radius != particles.radius).any():
-        columns["radius"] = state.radius
-    if (state.material != scene.material_index[particles.material]).any():
-        columns["material"] = state.material
-    return columns
 
 
 def load_scene(directory: Path) -> Scene:

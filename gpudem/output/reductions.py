@@ -1,3 +1,4 @@
+# pyright: reportInvalidTypeForm=false, reportIndexIssue=false, reportArgumentType=false, reportCallIssue=false
 """Sums and extremes over particles on a device, in float64 and in a fixed order.
 
 Thread t of THREADS takes rows t, t + THREADS, ... one after the other; the host adds up what they leave. The
@@ -9,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import warp as wp
+
+from gpudem.solver.device import quiet
 
 #: Partial results that are downloaded: 100 kB, and enough threads for any device.
 THREADS = 4096
@@ -61,13 +64,14 @@ def _reduced(mode: int, values: Any, weights: Any = None, sign: float = 1.0) -> 
     threads = min(THREADS, len(values))
     precision = values.dtype._wp_scalar_type_.__name__
     partial = wp.empty(threads, dtype=wp.vec3d, device=values.device)
-    wp.launch(
-        _kernel(precision),
-        threads,
-        inputs=[mode, sign, threads, values, weights],
-        outputs=[partial],
-        device=values.device,
-    )
+    with quiet():  # the first launch compiles
+        wp.launch(
+            _kernel(precision),
+            threads,
+            inputs=[mode, sign, threads, values, weights],
+            outputs=[partial],
+            device=values.device,
+        )
     return partial.numpy()
 
 

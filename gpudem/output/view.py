@@ -75,9 +75,9 @@ class View:
 
     def _scalar(self, name: str) -> np.ndarray:
         mass, radius = self.scene.masses, self.scene.state.radius
-        return {"mass": lambda: mass, "radius": lambda: radius, "inertia": lambda: 0.4 * mass * radius**2}[
-            name
-        ]()
+        if name != "inertia":
+            return mass if name == "mass" else radius
+        return 0.4 * mass * radius**2  # mutate: moments_of_inertia
 
     def _once(self, key: Any, make: Callable[[], Any]) -> Any:
         if key not in self._known:

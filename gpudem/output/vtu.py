@@ -38,6 +38,11 @@ def write_vtu(path: Path, frame: Frame) -> None:
 
 def read_vtu(path: Path) -> Frame:
     """The arrays of a .vtu file as they stand in it. Raises FrameError naming the file."""
+    return read_vtu_and_cells(path)[0]
+
+
+def read_vtu_and_cells(path: Path) -> tuple[Frame, list[str]]:
+    """As `read_vtu`, and the names of the arrays that the file has for its cells. Raises FrameError."""
     import meshio
 
     if not path.is_file():
@@ -46,7 +51,8 @@ def read_vtu(path: Path) -> Frame:
         mesh = meshio.read(path, file_format="vtu")
     except (Exception, SystemExit) as error:  # meshio raises many kinds, and exits on some broken files
         raise FrameError(f"{path}: truncated or corrupted VTU ({type(error).__name__}: {error})") from error
-    return {"points": np.asarray(mesh.points), **{k: np.asarray(v) for k, v in mesh.point_data.items()}}
+    frame = {"points": np.asarray(mesh.points), **{k: np.asarray(v) for k, v in mesh.point_data.items()}}
+    return frame, list(mesh.cell_data)
 
 
 def write_pvd(path: Path, entries: list[tuple[float, int, str]]) -> None:

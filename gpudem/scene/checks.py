@@ -5,12 +5,16 @@ Each check reads some sections of a scene and returns its problems, one line eac
 
 from __future__ import annotations
 
+import collections
 from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gpudem.errors import GpudemError
+from gpudem.scene.overlaps import find_overlaps
+from gpudem.scene.scene_warnings import rounded_times, unexpected, without_effect
+from gpudem.scene.sections import MAX_PARTICLES, Box
 from gpudem.scene.time_step import USUAL_CONTACT, USUAL_RAYLEIGH, contact_time, rayleigh_time
 
 if TYPE_CHECKING:
@@ -22,7 +26,7 @@ MAX_START_OVERLAP = 0.1
 MAX_RAYLEIGH, MAX_CONTACT = 0.5, 0.2
 #: Time steps in a period of a vibrating plane, at least.
 MIN_PERIOD = 10
-#: A trace [bytes] above this fills the memory: 15 float64 numbers for each particle and row.
+#: A trace [bytes] above this may fill the memory: 15 float64 numbers for each particle and row.
 MAX_TRACE = 4e9
 
 _WAIVE_UNITS = "waive with allow = ['unusual_units']"
@@ -36,34 +40,37 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
     """
     found: list[str] = []
 
-    def holds(check: Callable[[Scene], list[str]], *sections: str) -> bool:
+    def run_check(check: Callable[[Scene], list[str]], *sections: str) -> bool:
         if not set(sections).isdisjoint(invalid):
             return False
         new = check(scene)
         found.extend(new)
         return not new
 
-    particles = holds(_particle_materials, "materials", "particles")
-    walls = holds(_wall_materials, "materials", "walls")
-    pairs = holds(_pair_materials, "materials", "pairs")
-    domain = holds(_domain, "domain")
-    walls = walls and domain and holds(_walls, "walls", "domain")
-    units = holds(_material_units, "materials", "allow") and holds(_gravity_units, "gravity", "allow")
-    holds(_duration, "time")
-    if not (particles and holds(_state)):
+    particles = run_check(_particle_materials, "materials", "particles")
+    walls = run_check(_wall_materials, "materials", "walls")
+    pairs = run_check(_pair_materials, "materials", "pairs")
+    domain = run_check(_domain, "domain")
+    walls = walls and domain and run_check(_walls, "walls", "domain")
+    units = run_check(_material_units, "materials", "allow")
+    units = run_check(_gravity_units, "gravity", "allow") and units
+    run_check(_pair_units, "pairs", "allow")
+    speed = run_check(_speed_units, "contact", "allow")
+    run_check(_duration, "time")
+    if not (particles and run_check(_state)):
         return found
-    paired = pairs and walls and holds(_pairs, "contact")
-    periodic = domain and holds(_periodic, "solver")
-    if holds(_radius_units) and units and domain:
-        if holds(_inside) and periodic:
-            holds(_overlaps, "allow")
+    paired = pairs and walls and run_check(_pairs, "contact")
+    periodic = domain and run_check(_periodic, "solver")
+    if run_check(_radius_units) and units and domain:
+        if run_check(_inside) and periodic:
+            run_check(_overlaps, "allow")
         if walls:
-            holds(_behind_walls, "allow")
-            holds(_reachable_walls)
-            if paired:
-                holds(_time_step, "time", "contact", "gravity", "allow")
-            holds(_vibration, "time", "solver", "allow")
-        holds(_trace, "time", "output")
+            run_check(_behind_walls, "allow")
+            run_check(_reachable_walls)
+            if paired and speed:
+                run_check(_time_step, "time", "contact", "gravity", "allow")
+            run_check(_vibration, "time", "solver", "allow")
+        run_check(_trace, "time", "output", "allow")
     return found
 
 
@@ -71,16 +78,15 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
 
 
 def _unknown(used: list[tuple[str, str]], scene: Scene) -> list[str]:
-    known = sorted(scene.materials)
     return [
-        f"{key} = {name!r}: no such material; known: {', '.join(known)}"
+        f"{key} = {name!r}: no such material; known: {', '.join(sorted(scene.materials))}"
         for key, name in used
-        if name not in known
+        if name not in scene.materials
     ]
 
 
 def _particle_materials(scene: Scene) -> list[str]:
-    material = scene.particles.material
+    material = scene.particles.material or ()
     names = [material] if isinstance(material, str) else list(dict.fromkeys(material))
     return _unknown([("particles.material", name) for name in names], scene)
 
@@ -91,8 +97,8 @@ def _wall_materials(scene: Scene) -> list[str]:
 
 def _pair_materials(scene: Scene) -> list[str]:
     used = [(f"pairs[{i}].materials", name) for i, pair in enumerate(scene.pairs) for name in pair.materials]
-    keys = [tuple(sorted(pair.materials)) for pair in scene.pairs]
-    twice = [key for key in dict.fromkeys(keys) if keys.count(key) > 1]
+    keys = collections.Counter(tuple(sorted(pair.materials)) for pair in scene.pairs)
+    twice = [key for key, count in keys.items() if count > 1]
     return _unknown(used, scene) + [f"pairs: {' / '.join(key)} given twice" for key in twice]
 
 
@@ -120,9 +126,13 @@ def _pairs(scene: Scene) -> list[str]:
 
 def _state(scene: Scene) -> list[str]:
     try:
-        state = scene.state
+        state = scene.stated_particles
     except (ValueError, GpudemError) as error:
         return [f"particles.{error}"]
+    except MemoryError:
+        return ["particles: more than fits in the memory of this machine"]
+    if len(state) > MAX_PARTICLES:
+        return [f"particles: {len(state)} are too many for 32-bit indices; allowed: <= {MAX_PARTICLES}"]
     return [] if len(state) else ["particles.position: no particles"]
 
 
@@ -135,12 +145,12 @@ def _domain(scene: Scene) -> list[str]:
 def _walls(scene: Scene) -> list[str]:
     found = []
     for i, wall in enumerate(scene.walls):
-        if wall.kind == "box":
+        if isinstance(wall, Box):
             lo, hi = wall.lo or scene.domain.lo, wall.hi or scene.domain.hi
             if not all(b > a for a, b in zip(lo, hi, strict=True)):
                 found.append(f"walls[{i}].hi = {hi}: must be above lo = {lo} in x, y and z [m]")
-    names = [plane.name for plane in scene.planes]
-    found += [f"walls: name {name!r} given twice" for name in dict.fromkeys(names) if names.count(name) > 1]
+    names = collections.Counter(plane.name for plane in scene.planes)
+    found += [f"walls: name {name!r} given twice" for name, count in names.items() if count > 1]
     for plane in scene.planes:
         if any(p and n for p, n in zip(scene.domain.periodic, plane.normal, strict=True)):
             axes = [a for a, p, n in zip("xyz", scene.domain.periodic, plane.normal, strict=True) if p and n]
@@ -204,7 +214,7 @@ def _behind_walls(scene: Scene) -> list[str]:
 def _lattice_within(scene: Scene) -> bool:
     """A lattice is without overlap as it is made, also through periodic sides where it lies within them.
 
-    To search a million spheres takes most of a second.
+    A search of a million spheres takes most of a second.
     """
     particles, domain = scene.particles, scene.domain
     return particles.source == "lattice" and all(
@@ -215,33 +225,16 @@ def _lattice_within(scene: Scene) -> bool:
 def _overlaps(scene: Scene) -> list[str]:
     if "overlap" in scene.allow or len(scene.state) < 2 or _lattice_within(scene):
         return []
-    from scipy import spatial
-
-    state, row = scene.state, np.arange(len(scene.state))
-    # two that overlap by more than the limit, a share of the smaller, lie nearer than this
-    near = (2 - MAX_START_OVERLAP) * float(state.radius.max())
-    size = np.array(scene.domain.hi) - np.array(scene.domain.lo)
-    place = state.position - np.array(scene.domain.lo)
-    # with images beyond the far sides: a periodic tree takes twice the time
-    for k in np.flatnonzero(scene.domain.periodic):
-        place[:, k] %= size[k]
-        low = place[:, k] < near
-        place = np.concatenate([place, place[low] + size * (np.arange(3) == k)])
-        row = np.concatenate([row, row[low]])
-    tree = spatial.KDTree(place, balanced_tree=False, compact_nodes=False)
-    pairs = tree.query_pairs(near, output_type="ndarray")
-    distance = np.linalg.norm(place[pairs[:, 0]] - place[pairs[:, 1]], axis=1)
-    i, j = np.sort(row[pairs], axis=1).T
-    overlap = state.radius[i] + state.radius[j] - distance
-    share = np.where(i == j, 0.0, overlap / np.minimum(state.radius[i], state.radius[j]))
-    bad = share > MAX_START_OVERLAP
-    if not bad.any():
+    state, lo = scene.state, np.array(scene.domain.lo)
+    period = np.where(scene.domain.periodic, np.array(scene.domain.hi) - lo, 0.0)
+    found = find_overlaps(state.position - lo, state.radius, period, MAX_START_OVERLAP)
+    if found is None:
         return []
-    count = len(np.unique(i[bad] * len(state) + j[bad]))
-    k = int(np.argmax(share))
+    i, j = found.worst
     return [
-        f"particles: {count} pairs overlap at the start, the worst:"
-        f" {i[k] + 1} and {j[k] + 1} by {overlap[k]:.3g} m"
+        f"particles: {'' if found.complete else 'at least '}{found.count} pairs overlap at the start,"
+        " the worst:"
+        f" {i + 1} and {j + 1} by {found.overlap:.3g} m"
         f" (allowed: {MAX_START_OVERLAP:g} of the smaller radius); waive with allow = ['overlap']"
     ]
 
@@ -249,7 +242,7 @@ def _overlaps(scene: Scene) -> list[str]:
 # -- units and time ----------------------------------------------------------------------------------------
 
 
-# Values that smell of millimetres, gigapascals or g/cm3.
+# Values that suggest millimetres, gigapascals or g/cm3, or a slip of the exponent.
 
 
 def _material_units(scene: Scene) -> list[str]:
@@ -267,7 +260,35 @@ def _material_units(scene: Scene) -> list[str]:
                 f"{key}.density = {m.density:g} kg/m3: {m.density:g} g/cm3 is {m.density * 1e3:g} kg/m3;"
                 f" {_WAIVE_UNITS}"
             )
+        found += _above(f"{key}.young", m.young, 1e14, "Pa") + _above(
+            f"{key}.density", m.density, 1e6, "kg/m3"
+        )
     return found
+
+
+def _above(key: str, value: float | None, usual: float, unit: str) -> list[str]:
+    """The problem of a value above all usual ones; none for an empty field."""
+    if value is None or value <= usual:
+        return []
+    return [f"{key} = {value:g} {unit}: unusual, above {usual:g} {unit}; {_WAIVE_UNITS}"]
+
+
+def _pair_units(scene: Scene) -> list[str]:
+    if "unusual_units" in scene.allow:
+        return []
+    return [
+        problem
+        for i, pair in enumerate(scene.pairs)
+        for key in ("friction", "rolling_friction")
+        for problem in _above(f"pairs[{i}].{key}", getattr(pair, key), 10, "[1]")
+    ]
+
+
+def _speed_units(scene: Scene) -> list[str]:
+    speed = scene.contact.characteristic_velocity
+    return (
+        [] if "unusual_units" in scene.allow else _above("contact.characteristic_velocity", speed, 1e4, "m/s")
+    )
 
 
 def _gravity_units(scene: Scene) -> list[str]:
@@ -278,7 +299,7 @@ def _gravity_units(scene: Scene) -> list[str]:
 
 
 def _radius_units(scene: Scene) -> list[str]:
-    largest = float(scene.state.radius.max())
+    largest = float(scene.stated_particles.radius.max())
     if largest <= 1.5 or "unusual_units" in scene.allow:
         return []
     return [f"particles.radius = {largest:g} m: {largest:g} mm is {largest / 1e3:g} m; {_WAIVE_UNITS}"]
@@ -337,6 +358,21 @@ def step_limit(scene: Scene, rayleigh: float, contact: float) -> tuple[float, st
     return min(limits)
 
 
+def warnings(scene: Scene) -> list[str]:
+    """What a valid scene states and a user may not expect, one sentence each: the same wherever it is shown.
+
+    A step that is stable and above the usual limits, times that are rounded or extended, settings without
+    effect, a scene in which nothing can move or everything leaves. Waived checks are not listed.
+    """
+    return [*step_warnings(scene), *scene_warnings(scene)]
+
+
+def scene_warnings(scene: Scene) -> list[str]:
+    """The warnings of a scene without `step_warnings`: for codes whose time step only sets when to write."""
+    found = [*rounded_times(scene), *without_effect(scene), *unexpected(scene)]
+    return list(dict.fromkeys(found))
+
+
 def step_warnings(scene: Scene) -> list[str]:
     """A step that is stable and still above what is usual."""
     limit, what = step_limit(scene, USUAL_RAYLEIGH, USUAL_CONTACT)
@@ -351,10 +387,10 @@ def _trace(scene: Scene) -> list[str]:
         return []
     rows = scene.n_steps // stride + 1
     size = 15 * 8 * rows * len(scene.state)
-    if size <= MAX_TRACE:
+    if size <= MAX_TRACE or "memory" in scene.allow:
         return []
     return [
         f"output.trace_every = {scene.output.trace_every:g} s: {rows} rows of {len(scene.state)} particles"
         f" take {size / 1e9:.3g} GB; allowed: <= {MAX_TRACE / 1e9:g} GB; give a longer interval,"
-        " or use frames_every"
+        " use frames_every, or waive with allow = ['memory']"
     ]

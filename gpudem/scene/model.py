@@ -24,7 +24,7 @@ from gpudem.contact.law import Law, NormalLaw, PairInputs
 from gpudem.errors import SceneError
 from gpudem.scene import checks, files, time_step
 from gpudem.scene.packing import InitialState, lattice
-from gpudem.scene.particle_files import read_particles
+from gpudem.scene.particle_files import ParticleFile, read_particles
 from gpudem.scene.sections import (
     Contact,
     Domain,
@@ -63,7 +63,9 @@ class Scene(Model):
     time: Time
     output: Output = Output()
     solver: Solver = Solver()
-    allow: tuple[Literal["time_step", "unusual_units", "overlap", "large_overlap", "speed"], ...] = ()
+    allow: tuple[
+        Literal["time_step", "unusual_units", "overlap", "large_overlap", "speed", "memory"], ...
+    ] = ()
     """Checks and guards waived by name for this scene."""
 
     def __init__(self, /, _source: str = "<python>", **data: Any):
@@ -93,7 +95,10 @@ class Scene(Model):
             raise SceneError(source, found)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Scene) and self.to_json() == other.to_json()
+        """Same name, title and physics (`hash`); particle files by their content."""
+        if not isinstance(other, Scene):
+            return NotImplemented
+        return (self.name, self.title, self.hash) == (other.name, other.title, other.hash)
 
     def __hash__(self) -> int:
         return hash(self.hash)
@@ -111,13 +116,13 @@ class Scene(Model):
         return cls(_source=source, **files.parse_json(text, source))
 
     def to_json(self) -> str:
-        """The resolved scene as JSON, floats with 17 digits."""
-        return json.dumps(self.model_dump(mode="json"), indent=1)
+        """The resolved scene as JSON; `from_json` gives every number back to the last bit."""
+        return files.json_text(self.model_dump())
 
     def replace(self, **changes: Any) -> Scene:
         """A copy with other values, validated anew: `scene.replace(time={"step": 1e-6}, gravity=(0, 0, 0))`.
 
-        A mapping changes the given keys of that section and keeps the rest, unless it names another `source`.
+        A mapping changes the given keys of that section only, unless it names another `source`.
         """
         data = self.model_dump()
         for key, value in changes.items():
@@ -127,32 +132,66 @@ class Scene(Model):
             data[key] = value
         return type(self)(**data)
 
+    def model_copy(self, **options: Any) -> Scene:
+        """Pydantic's copy, not validated; without what has been derived from the original."""
+        copied = super().model_copy(**options)
+        for name in set(vars(copied)) - set(type(self).model_fields):
+            del copied.__dict__[name]
+        return copied
+
+    def __getstate__(self) -> dict[Any, Any]:
+        """For pickling: the statement, and the particles read from a file; no law."""
+        state = super().__getstate__()
+        names = {*type(self).model_fields, "particle_file"}
+        return {**state, "__dict__": {k: v for k, v in state["__dict__"].items() if k in names}}
+
     @functools.cached_property
     def hash(self) -> str:
         """SHA-256 of the physics: all but name and title; of a particle file the content, not the path."""
-        data = self.model_dump(mode="json", exclude={"name", "title"})
+        data, digest = self.model_dump(exclude={"name", "title"}), hashlib.sha256()
+        arrays = {k: v for k, v in data["particles"].items() if isinstance(v, np.ndarray)}
         if isinstance(self.particles, FromFile):
-            columns = dataclasses.astuple(self.state)
-            data["particles"]["path"] = hashlib.sha256(b"".join(c.tobytes() for c in columns)).hexdigest()
-        return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
+            data["particles"]["path"] = ""
+            arrays = {field.name: getattr(self.state, field.name) for field in dataclasses.fields(self.state)}
+        for name, values in sorted(arrays.items()):
+            data["particles"][name] = list(values.shape)
+            digest.update(values.tobytes())
+        digest.update(json.dumps(data, sort_keys=True).encode())
+        return digest.hexdigest()
 
     # -- what follows from the statement -------------------------------------------------------------------
 
     @functools.cached_property
     def state(self) -> InitialState:
-        """Positions, velocities, radii, materials at t = 0, the same numbers for every code."""
+        """Positions, velocities, radii, materials at t = 0, the same numbers for every code.
+
+        Along periodic sides lo <= x < hi: one on, or rounded to, the upper face is at the lower one.
+        """
+        return self.stated_particles.within(self.domain.lo, self.domain.hi, self.domain.periodic)
+
+    @functools.cached_property
+    def stated_particles(self) -> InitialState:
+        """Particles as the lattice, list or file states them. Raises ValueError: it cannot."""
         p = self.particles
         if isinstance(p, Lattice):
             return lattice(p, self.material_index)
         if isinstance(p, FromFile):
-            return read_particles(Path(p.path), p.radius, self.material_index[p.material])
+            return self.particle_file.state
         return InitialState.from_explicit(p, self.material_index)
+
+    @functools.cached_property
+    def particle_file(self) -> ParticleFile:
+        """What the file of particles holds. Raises ValueError: not a FromFile scene, or an unusable file."""
+        p = self.particles
+        if not isinstance(p, FromFile):
+            raise ValueError("the scene reads no file of particles")
+        return read_particles(Path(p.path), self.material_index, p.material, p.radius)
 
     @functools.cached_property
     def masses(self) -> np.ndarray:
         """Mass of every particle [kg], 4/3 pi R^3 rho, shape (n,)."""
         density = np.array([m.density for m in self.materials.values()])
-        return 4 / 3 * np.pi * self.state.radius**3 * density[self.state.material]
+        return 4 / 3 * np.pi * self.state.radius**3 * density[self.state.material]  # mutate: particle_masses
 
     @functools.cached_property
     def material_index(self) -> dict[str, int]:
@@ -161,17 +200,22 @@ class Scene(Model):
 
     def pair(self, a: str, b: str) -> Pair | None:
         """Properties of a material pair, in either order; None if not stated."""
-        return next((p for p in self.pairs if set(p.materials) == {a, b}), None)
+        return self.pair_table.get(frozenset((a, b)))
+
+    @functools.cached_property
+    def pair_table(self) -> dict[frozenset[str], Pair]:
+        """Both materials of a pair, in no order -> its properties."""
+        return {frozenset(pair.materials): pair for pair in reversed(self.pairs)}  # of two, the first
 
     @functools.cached_property
     def particle_materials(self) -> list[str]:
         """Names of the materials that particles are made of, in order of statement."""
-        used = set(np.unique(self.state.material).tolist())
+        used = set(np.unique(self.stated_particles.material).tolist())
         return [name for name, i in self.material_index.items() if i in used]
 
     @functools.cached_property
     def wall_elements(self) -> list[Wall]:
-        """All walls as elementary ones: boxes as planes, named `<box>_<side>`; normals of length one."""
+        """All walls as elementary ones: a box as planes, named `<box>_<side>`."""
         return [e for wall in self.walls for e in wall.elements(self.domain.lo, self.domain.hi)]
 
     @property
@@ -210,17 +254,26 @@ class Scene(Model):
     @functools.cached_property
     def contact_pairs(self) -> list[Pair]:
         """The pairs that can meet in this scene: particle with particle, particle with wall."""
-        ours, walls = self.particle_materials, {w.material for w in self.walls}
-        keys = {frozenset((a, b)) for a, b in itertools.product(ours, [*ours, *walls])}
-        return [p for p in self.pairs if frozenset(p.materials) in keys]
+        ours = set(self.particle_materials)
+        # mutate: pairs_in_contact
+        partners = ours | {w.material for w in self.walls}
+        return [
+            pair
+            for pair in self.pairs
+            if (pair.materials[0] in ours and pair.materials[1] in partners)
+            or (pair.materials[1] in ours and pair.materials[0] in partners)
+        ]
 
     @functools.cached_property
     def needs(self) -> Needs:
         """Which physics this scene has."""
         state, pairs = self.state, self.contact_pairs
+        # mutate: needs_tangential
         tangential = self.contact.tangential != "off" and any(p.friction > 0 for p in pairs)
+        # mutate: needs_rolling
         rolling = self.contact.rolling != "off" and any(p.rolling_friction > 0 for p in pairs)
         law = self.normal_law
+        # mutate: scene_needs
         return Needs(
             tangential=tangential,
             history=tangential and self.contact.tangential == "history",
@@ -245,7 +298,7 @@ class Scene(Model):
 
     def steps(self, seconds: float) -> int:
         """A time as whole steps."""
-        return round(seconds / self.time.step)
+        return round(seconds / self.time.step)  # mutate: whole_steps
 
     def stride(self, seconds: float | None) -> int | None:
         """An output interval as whole steps, at least one."""
@@ -269,6 +322,7 @@ class Scene(Model):
         walls = self.wall_elements
         events = sorted({self.steps(w.removed_at) for w in walls if w.removed_at is not None})
         edges = [0, *(e for e in events if 0 < e < self.n_steps), self.n_steps]
+        # mutate: planes_of_segments
         return [
             (a, b, [w for w in walls if w.removed_at is None or self.steps(w.removed_at) > a])
             for a, b in itertools.pairwise(edges)

@@ -11,6 +11,11 @@ import numpy.typing as npt
 
 if TYPE_CHECKING:
     from gpudem.scene.sections import Explicit, Lattice
+    from gpudem.scene.types import Vector
+
+
+#: Relative rounding of a side and of a position in float32: as far beyond a side may a run write a position.
+FLOAT32 = 2.0**-22
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,6 +35,32 @@ class InitialState:
 
     def __len__(self) -> int:
         return len(self.radius)
+
+    def within(self, lo: Vector, hi: Vector, periodic: tuple[bool, bool, bool]) -> InitialState:
+        """The same with positions on, or rounded by float32 beyond, a side lo..hi [m] brought onto it.
+
+        Periodic sides: into lo <= x < hi, the upper face being the lower one. Others: onto the nearer side.
+        Positions farther out stay, as does every number that lies within.
+        """
+        position = self.position
+        for k in range(3):
+            a, b, x = lo[k], hi[k], position[:, k]
+            slack = FLOAT32 * max(abs(a), abs(b))
+            below = (x < a) & (x >= a - slack)
+            above = ((x >= b) if periodic[k] else (x > b)) & (x <= b + slack)
+            if not (below.any() or above.any()) or a >= b:
+                continue
+            position = np.array(position)
+            if periodic[k]:
+                position[above, k] = np.maximum(a, x[above] - (b - a))
+                moved = x[below] + (b - a)
+                position[below, k] = np.where(moved < b, moved, a)  # a tiny step below is none at all
+            else:
+                position[below, k], position[above, k] = a, b
+        if position is self.position:
+            return self
+        position.setflags(write=False)
+        return dataclasses.replace(self, position=position)
 
     @staticmethod
     def build(

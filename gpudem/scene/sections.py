@@ -1,4 +1,4 @@
-"""The sections of a scene, each with its keys, units and defaults: what a scene file may say.
+"""The sections of a scene, each with its keys, units and defaults: what a scene file may state.
 
 [materials.NAME]  [[pairs]]  [contact]  [particles]  [[walls]]  [domain]  [time]  [output]  [solver]
 """
@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
     ConfigDict,
     Discriminator,
     Field,
     PlainValidator,
     SerializeAsAny,
-    StrictBool,
     Tag,
     TypeAdapter,
     ValidationInfo,
@@ -27,20 +27,42 @@ from pydantic_core import PydanticCustomError
 
 from gpudem.output import observables
 from gpudem.scene.files import OneOf, nearest
-from gpudem.scene.types import Model, Name, Vector, array, each, law_name, names, number, positive, vector
+from gpudem.scene.types import (
+    Flag,
+    Flags,
+    Model,
+    Name,
+    Vector,
+    array,
+    as_python,
+    each,
+    law_name,
+    names,
+    number,
+    positive,
+    vector,
+)
 from gpudem.walls import registry
 
 Side = Literal["xlo", "xhi", "ylo", "yhi", "zlo", "zhi"]
+
+#: Components of a unit normal up to this size are rounding, and count as zero: cos, sin and products of a few
+#: rotation matrices leave some 1e-16, and a tilt of 1e-12 moves a plane by a nanometre at a kilometre.
+NORMAL_ROUNDING = 1e-12
+
+
+#: Particles of a scene at most: the neighbor search numbers 24 candidates of each with 32-bit integers.
+MAX_PARTICLES = 2**31 // 24
 
 
 class Material(Model):
     """Elastic material of particles or walls."""
 
-    young: Annotated[float, positive("Pa", 1e14)]
+    young: Annotated[float, positive("Pa")]
     """Young's modulus E [Pa]."""
     poisson: Annotated[float, number("1", 0, 0.5)]
     """Poisson's ratio nu [1], 0 to 0.5."""
-    density: Annotated[float, positive("kg/m3", 1e6)]
+    density: Annotated[float, positive("kg/m3")]
     """Density [kg/m3]."""
 
 
@@ -55,9 +77,9 @@ class Pair(Model):
     materials: tuple[Name, Name]
     restitution: Annotated[float, positive("1", 1)] = 1.0
     """Coefficient of restitution e [1], 0 < e <= 1."""
-    friction: Annotated[float, number("1", 0, 10)] = 0.0
+    friction: Annotated[float, number("1", 0)] = 0.0
     """Coulomb friction mu [1]."""
-    rolling_friction: Annotated[float, number("1", 0, 10)] = 0.0
+    rolling_friction: Annotated[float, number("1", 0)] = 0.0
     """Rolling friction mu_r [1]."""
     kn: Annotated[float, number("N/m2", 0)] | None = None
     """Normal stiffness constant of `hertz/stiffness`: k_n = kn sqrt(R* overlap) [N/m2]."""
@@ -83,47 +105,75 @@ class Contact(Model):
     """off, no_history, history, or a law of another package."""
     rolling: Annotated[str, law_name("rolling")] = "off"
     """off, cdt, epsd2, or a law of another package."""
-    limit_force: StrictBool = False
+    limit_force: Flag = False
     """Clip the normal force at zero (no attraction late in a rebound)."""
-    tangential_damping: StrictBool = True
+    tangential_damping: Flag = True
     """Tangential dashpot; with `no_history` it is the whole tangential force."""
-    characteristic_velocity: Annotated[float, positive("m/s", 1e4)] | None = None
+    characteristic_velocity: Annotated[float, positive("m/s")] | None = None
     """Impact speed at which `hooke` is as stiff as `hertz` [m/s]."""
+
+
+#: The numbers of particles, wherever they are stated: shape, unit, range.
+POSITION, VELOCITY, ANGULAR_VELOCITY = array(3, "m"), array(3, "m/s"), array(3, "rad/s")
+RADIUS = positive("m")
 
 
 class Explicit(Model):
     """Particles listed one by one; lists do for arrays."""
 
     source: Literal["explicit"] = "explicit"
-    position: Annotated[np.ndarray, array(3, "m")]
-    radius: Annotated[float | np.ndarray, each(positive("m", 1e3))]
+    position: Annotated[np.ndarray, POSITION]
+    """Centres [m], shape (n, 3)."""
+    radius: Annotated[float | np.ndarray, each(RADIUS)]
     """One radius for all, or one for each [m]."""
     material: Annotated[str | tuple[str, ...], names()]
     """One material for all, or one for each."""
-    velocity: Annotated[np.ndarray, array(3, "m/s")] | None = None
-    angular_velocity: Annotated[np.ndarray, array(3, "rad/s")] | None = None
+    velocity: Annotated[np.ndarray, VELOCITY] | None = None
+    """Velocities [m/s], shape (n, 3)."""
+    angular_velocity: Annotated[np.ndarray, ANGULAR_VELOCITY] | None = None
+    """Angular velocities [rad/s], shape (n, 3)."""
 
     if TYPE_CHECKING:  # a type checker would take only what the fields are after validation
 
         def __init__(self, /, **data: Any): ...
 
+    def __eq__(self, other: object) -> bool:
+        """Equal values; an array and a list of the same numbers are the same."""
+        if not isinstance(other, Explicit):
+            return NotImplemented
+        return self._columns() == other._columns()
+
+    def __hash__(self) -> int:
+        return hash(self._columns())
+
+    def _columns(self) -> tuple[Any, ...]:
+        values = (getattr(self, name) for name in type(self).model_fields)
+        return tuple((v.shape, v.tobytes()) if isinstance(v, np.ndarray) else v for v in values)
+
 
 class FromFile(Model):
-    """Particles from a .csv, .npz or .vtu file; its columns: see `packing.read_particles`."""
+    """Particles from a .csv, .npz or .vtu file; its columns: see `particle_files.read_particles`."""
 
     source: Literal["file"]
     path: Annotated[str, AfterValidator(os.path.abspath)]
     """File; a relative path counts from the scene file, or from the working directory in Python."""
-    material: Name
-    radius: Annotated[float, positive("m", 1e3)] | None = None
+    material: Name | None = None
+    """Material where the file has none."""
+    radius: Annotated[float, RADIUS] | None = None
     """Radius where the file has none [m]."""
 
 
 class RadiusShare(Model):
     """One radius of a mixture and its share by number."""
 
-    radius: Annotated[float, positive("m", 1e3)]
+    radius: Annotated[float, RADIUS]
     share: Annotated[float, positive("1")]
+
+
+def _countable(count: int) -> int:
+    if count > MAX_PARTICLES:
+        raise ValueError(f"too many for 32-bit indices; allowed: <= {MAX_PARTICLES} particles")
+    return count
 
 
 class Lattice(Model):
@@ -131,33 +181,33 @@ class Lattice(Model):
 
     source: Literal["lattice"]
     material: Name
-    count: Annotated[int, Field(strict=True, gt=0, le=50_000_000)]
+    count: Annotated[int, Field(strict=True, gt=0), AfterValidator(_countable), BeforeValidator(as_python)]
     lo: Annotated[Vector, vector("m")]
     hi: Annotated[Vector, vector("m")]
     radius: Annotated[
-        Annotated[float, positive("m", 1e3), Tag("<one>")]
+        Annotated[float, RADIUS, Tag("<one>")]
         | Annotated[tuple[RadiusShare, ...], Field(min_length=1), Tag("<mixture>")],
         Discriminator(lambda radius: "<mixture>" if isinstance(radius, list | tuple) else "<one>"),
     ]
     """One radius [m], or a mixture."""
-    spacing: Annotated[float, number("largest diameters", 1, 100)] = 1.05
+    spacing: Annotated[float, number("largest diameters", 1)] = 1.05
     jitter: Annotated[float, number("free gap", 0, 1)] = 0.9
     """Random shift as a share of the gap between lattice neighbours [1]; below 1 nothing overlaps."""
     velocity_rms: Annotated[float, number("m/s", 0)] = 0.0
     """Root mean square of each (normally distributed) velocity component [m/s]."""
-    seed: Annotated[int, Field(strict=True, ge=0)] = 0
+    seed: Annotated[int, Field(strict=True, ge=0), BeforeValidator(as_python)] = 0
 
 
 class Vibration(Model):
     """Saw-tooth motion of a plane along its normal: it moves at `speed` over `amplitude` and snaps back.
 
-    Amplitude 0 is the limit of a fast floor: the plane stands still between contacts, and whoever meets it
-    finds it moving at `speed` until they part; hard spheres leave with v' = (1 + e) U - e v.
+    Amplitude 0 is the limit of a fast floor: the plane is at rest between contacts, and a particle in
+    contact sees a wall velocity U until separation; hard spheres leave with v' = (1 + e) U - e v.
     """
 
-    speed: Annotated[float, positive("m/s", 1e4)]
+    speed: Annotated[float, positive("m/s")]
     """U [m/s], towards the particles."""
-    amplitude: Annotated[float, number("m", 0, 1e3)] = 0.0
+    amplitude: Annotated[float, number("m", 0)] = 0.0
     """Stroke A [m]; the period is A / U."""
 
 
@@ -226,9 +276,8 @@ class Plane(Wall):
     vibration: Vibration | None = None
 
     def elements(self, lo: Vector, hi: Vector) -> list[Wall]:
-        """The plane with a normal of length one."""
-        length = math.sqrt(math.fsum(c * c for c in self.normal))
-        return [self.model_copy(update={"normal": tuple(c / length for c in self.normal)})]
+        """The plane with `unit_normal`."""
+        return [self.model_copy(update={"normal": self.unit_normal})]
 
     def shape(self) -> tuple[Vector, Vector, Vector]:
         """(normal, point, (normal . point, 0, 0))."""
@@ -248,9 +297,20 @@ class Plane(Wall):
         u -= (u @ normal) * normal
         u /= np.linalg.norm(u)
         v = np.cross(normal, u)
-        half = [np.abs((hi - lo) @ d) / 2 if np.abs(normal).max() > 1 - 1e-12 else size / 2 for d in (u, v)]
+        half = [np.abs((hi - lo) @ d) / 2 if np.count_nonzero(normal) == 1 else size / 2 for d in (u, v)]
         corners = [foot + a * half[0] * u + b * half[1] * v for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
         return np.array(corners), np.arange(4).reshape(1, 4)
+
+    @property
+    def unit_normal(self) -> Vector:
+        """The normal with length one; components of it that are rounding (`NORMAL_ROUNDING`) are zero."""
+        length = math.sqrt(math.fsum(c * c for c in self.normal))
+        if all(c == 0 or abs(c) > NORMAL_ROUNDING * length for c in self.normal):
+            x, y, z = (c / length for c in self.normal)
+            return x, y, z
+        clean = [c if abs(c) > NORMAL_ROUNDING * length else 0.0 for c in self.normal]
+        length = math.sqrt(math.fsum(c * c for c in clean))
+        return clean[0] / length, clean[1] / length, clean[2] / length
 
     @property
     def fast_floor(self) -> bool:
@@ -321,7 +381,7 @@ def wall_sections() -> dict[str, type[Model]]:
 
 
 def _wall_section(value: Any) -> Any:
-    """A wall as the section of its kind; what is wrong in it is found by that section."""
+    """A wall as the section of its kind, which validates it."""
     if isinstance(value, Wall | Box):
         return value
     if not isinstance(value, dict):
@@ -338,7 +398,10 @@ def _wall_section(value: Any) -> Any:
     return TypeAdapter(section).validate_python(value)
 
 
-WallSection = Annotated[SerializeAsAny[Model], PlainValidator(_wall_section), OneOf(wall_sections)]
+if TYPE_CHECKING:
+    WallSection = Wall | Box
+else:
+    WallSection = Annotated[SerializeAsAny[Model], PlainValidator(_wall_section), OneOf(wall_sections)]
 
 
 class Domain(Model):
@@ -346,7 +409,7 @@ class Domain(Model):
 
     lo: Annotated[Vector, vector("m")]
     hi: Annotated[Vector, vector("m")]
-    periodic: tuple[StrictBool, StrictBool, StrictBool] = (False, False, False)
+    periodic: Flags = (False, False, False)
 
 
 class Time(Model):

@@ -1,8 +1,9 @@
-"""Validated field types of a scene: numbers that know their unit and range, vectors, arrays, names.
+"""Validated field types of a scene: numbers with their unit and range, vectors, arrays, names.
 
-    young: Annotated[float, positive("Pa", 1e14)]
+    young: Annotated[float, positive("Pa")]
 
-Strings and booleans are never taken for numbers.
+NumPy scalars and arrays without dimensions count as the numbers, whole numbers and booleans they hold; text
+and booleans are never taken for numbers.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import re
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, StrictBool, ValidationError
 from pydantic_core import CoreSchema, core_schema
 
 from gpudem.contact import registry
@@ -25,8 +26,12 @@ from gpudem.scene.files import nearest, problems
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 
 #: Largest magnitude of a number, and smallest of one that must be above zero, in SI units: products of a few
-#: of them, and steps in a run, are still numbers.
+#: of them, and the number of steps of a run, are still within the range of floating-point numbers.
 LARGEST, SMALLEST = 1e18, 1e-18
+
+#: With the limit and the unit.
+_TOO_LARGE = "too large for the arithmetic; allowed: <= {:g} [{}]"
+_TOO_SMALL = "too small for the arithmetic; allowed: >= {:g} [{}]"
 
 Vector = tuple[float, float, float]
 
@@ -74,8 +79,34 @@ def _as_list(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
-def _real(value: Any) -> bool:
-    return isinstance(value, numbers.Real) and not isinstance(value, bool | np.bool_)
+def as_python(value: Any) -> Any:
+    """A NumPy scalar, or an array without dimensions, as the Python object it holds; all else as it is."""
+    scalar = isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0)
+    return value.item() if scalar else value
+
+
+def _as_list_of_python(value: Any) -> Any:
+    """A list, tuple or array with its NumPy scalars as Python objects."""
+    value = value.tolist() if isinstance(value, np.ndarray) else value
+    return type(value)(map(as_python, value)) if type(value) in (list, tuple) else value
+
+
+#: A boolean; 0 and 1 are not.
+Flag = Annotated[StrictBool, BeforeValidator(as_python)]
+
+#: One boolean for each of x, y, z.
+Flags = Annotated[tuple[StrictBool, StrictBool, StrictBool], BeforeValidator(_as_list_of_python)]
+
+
+def _float(value: Any, unit: str) -> float:
+    """A real number as a float. Raises ValueError: not a real number, or beyond any float."""
+    value = as_python(value)
+    if not isinstance(value, numbers.Real) or isinstance(value, bool):
+        raise ValueError(f"must be a number [{unit}]")
+    try:
+        return float(value)
+    except OverflowError:  # an integer of hundreds of digits
+        return math.inf if value > 0 else -math.inf
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,9 +119,7 @@ class number(_Plain):
     open_lo: bool = False
 
     def check(self, value: Any) -> float:  # noqa: D102
-        if not _real(value):
-            raise ValueError(f"must be a number [{self.unit}]")
-        result = float(value)
+        result = _float(value, self.unit)
         if (
             not math.isfinite(result)
             or not self.lo <= result <= self.hi
@@ -98,9 +127,9 @@ class number(_Plain):
         ):
             raise ValueError(f"out of range; allowed: {self.span} [{self.unit}]")
         if abs(result) > LARGEST:
-            raise ValueError(f"too large to reckon with; allowed: <= {LARGEST:g} [{self.unit}]")
+            raise ValueError(_TOO_LARGE.format(LARGEST, self.unit))
         if self.open_lo and result < SMALLEST:
-            raise ValueError(f"too small to reckon with; allowed: >= {SMALLEST:g} [{self.unit}]")
+            raise ValueError(_TOO_SMALL.format(SMALLEST, self.unit))
         return result
 
     @property
@@ -125,14 +154,17 @@ class vector(_Plain):
 
     def check(self, value: Any) -> Vector:  # noqa: D102
         values = value.tolist() if isinstance(value, np.ndarray) else value
-        if not isinstance(values, list | tuple) or len(values) != 3 or not all(map(_real, values)):
+        if not isinstance(values, list | tuple) or len(values) != 3:
             raise ValueError(f"must be three numbers [{self.unit}]")
-        x, y, z = map(float, values)
+        try:
+            x, y, z = (_float(v, self.unit) for v in values)
+        except ValueError:
+            raise ValueError(f"must be three numbers [{self.unit}]") from None
         if not all(map(math.isfinite, (x, y, z))):
             raise ValueError(f"must be three finite numbers [{self.unit}]")
         size = max(abs(x), abs(y), abs(z))
         if size > LARGEST:
-            raise ValueError(f"too large to reckon with; allowed: <= {LARGEST:g} [{self.unit}]")
+            raise ValueError(_TOO_LARGE.format(LARGEST, self.unit))
         if self.nonzero and size < SMALLEST:
             raise ValueError(f"has no direction; allowed: any length >= {SMALLEST:g}")
         return x, y, z
@@ -151,9 +183,10 @@ class array(_Plain):
             raw = np.asarray(value)
         except ValueError:
             raise ValueError(f"has rows of different length; must be {shape} [{self.unit}]") from None
-        if raw.size and raw.dtype.kind not in "iuf":
+        if (raw.size and raw.dtype.kind not in "iuf") or np.ma.is_masked(value):
             raise ValueError(f"must be numbers, shape {shape} [{self.unit}]")
-        result = np.array(raw, dtype=np.float64, order="C")
+        with np.errstate(over="ignore"):  # of long doubles: to infinity, found below
+            result = np.array(raw, dtype=np.float64, order="C")
         if self.columns and result.shape == (0,):
             result = result.reshape(0, self.columns)
         if result.ndim != (2 if self.columns else 1) or (self.columns and result.shape[1] != self.columns):
@@ -163,8 +196,7 @@ class array(_Plain):
             row = int(np.argwhere(~within)[0][0])
             if not np.isfinite(result[row]).all():
                 raise ValueError(f"row {row + 1} is not a finite number [{self.unit}]")
-            limit = f"<= {LARGEST:g} [{self.unit}]"
-            raise ValueError(f"row {row + 1} is too large to reckon with; allowed: {limit}")
+            raise ValueError(f"row {row + 1} is {_TOO_LARGE.format(LARGEST, self.unit)}")
         result.setflags(write=False)
         return result
 
@@ -181,7 +213,9 @@ class each(_Plain):
         return self.of.unit
 
     def check(self, value: Any) -> float | np.ndarray:  # noqa: D102
-        if not isinstance(value, list | tuple | np.ndarray):
+        if not isinstance(value, list | tuple | np.ndarray) or (
+            isinstance(value, np.ndarray) and value.ndim == 0
+        ):
             return self.of.check(value)
         result = array(0, self.unit).check(value)
         least = max(self.of.lo, SMALLEST) if self.of.open_lo else self.of.lo
@@ -208,11 +242,13 @@ class names(_Plain):
     """One name for all, or a list with one for each."""
 
     def check(self, value: Any) -> str | tuple[str, ...]:  # noqa: D102
+        value = value.tolist() if isinstance(value, np.ndarray) else value
         if isinstance(value, str):
-            return _name(value)
+            return str(_name(value))
         if not isinstance(value, list | tuple) or not all(isinstance(v, str) for v in value):
             raise ValueError("must be a name, or a list of names")
-        return tuple(_name(v) for v in value)
+        known = {name: str(_name(name)) for name in set(value)}
+        return tuple(known[name] for name in value)
 
 
 class law_name(_Plain):

@@ -1,3 +1,4 @@
+# pyright: reportInvalidTypeForm=false
 """Direct access to arrays in the hot loops: Warp's own indexing allows for negative indices and strides.
 
 That costs five instructions an access; without them a step takes 3 % less time on a CPU. Index and array are

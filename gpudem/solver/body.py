@@ -1,3 +1,4 @@
+# pyright: reportInvalidTypeForm=false
 """The struct `Body`: what moves of a particle, side by side in memory, and how a step reads and writes it.
 
 position [m]; velocity [m/s], angular_velocity [rad/s]: half a step behind it; velocity_ahead,
@@ -55,7 +56,7 @@ def read_code(spec: Spec, field: str) -> str:
     fields, (size, word) = body_fields(spec), _word(spec)
     if field not in fields:
         return "return {};"
-    first = 3 * fields.index(field)
+    first = 3 * fields.index(field)  # mutate: first_word
     words = range(first // size, (first + 2) // size + 1)
     loads = "".join(f"const {word} w{k} = __ldg(words + {k});\n" for k in words)
     numbers = ", ".join(f"w{k // size}.{'xyzw'[k % size]}" for k in range(first, first + 3))

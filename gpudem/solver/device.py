@@ -1,24 +1,49 @@
-"""Warp, configured once before its first use, and the devices it finds."""
+"""Warp's devices, and the compilation of kernels, without a change to Warp's global settings.
 
+No kernel of gpudem has an adjoint; each says so itself (`enable_backward=False`).
+"""
+
+import contextlib
 import os
+import threading
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import warp as wp
 
 from gpudem.errors import SimulationError
 
-wp.config.enable_backward = False  # no gradients: half the code to compile
-wp.config.log_level = wp.LOG_ERROR
+_log_level_lock = threading.Lock()
+
+
+@contextlib.contextmanager
+def quiet() -> Iterator[None]:
+    """Keep Warp's messages below an error off the output of gpudem; those of LOG_DEBUG stay.
+
+    The level belongs to the process: it is restored at the end, and one thread at a time changes it.
+    """
+    with _log_level_lock:
+        level = wp.config.log_level
+        with wp.ScopedLogLevel(level if level <= wp.LOG_DEBUG else max(level, wp.LOG_ERROR)):
+            yield
 
 
 def find_device(name: str) -> Any:
     """A Warp device by name ("cpu", "cuda:0"). Raises SimulationError naming those found."""
-    wp.init()
+    with quiet():
+        wp.init()
     try:
         return wp.get_device(name)
     except (ValueError, RuntimeError) as error:
         known = ", ".join(str(d) for d in wp.get_devices())
         raise SimulationError(f"device = {name!r}: not here; found: {known}") from error
+
+
+def compile_kernels(device: Any, kernels: Iterable[Any]) -> None:
+    """Compile the modules of kernels for a device, or load them from Warp's cache, several at a time."""
+    modules = list(dict.fromkeys(kernel.module for kernel in kernels))
+    with quiet():
+        wp.force_load(device, modules, block_dim=1 if device.is_cpu else 256, max_workers=cores())
 
 
 def cores() -> int:

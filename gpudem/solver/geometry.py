@@ -1,3 +1,4 @@
+# pyright: reportInvalidTypeForm=false
 """From positions and velocities to a `Contact`, and from it to forces: one procedure for pairs and walls."""
 
 import functools
@@ -25,13 +26,13 @@ def nearest_image(periodic: tuple[bool, bool, bool], precision: str) -> Any:
         if d > half:
             d = d - size
         elif d < -half:
-            d = d + size
+            d = d + size  # mutate: image_from_below
         return d
 
     @wp.func
     def nearest(d: vec3, size: vec3):
         x, y, z = d[0], d[1], d[2]
-        if wp.static(px):
+        if wp.static(px):  # mutate: nearest_image
             x = wrap(x, size[0])
         if wp.static(py):
             y = wrap(y, size[1])
@@ -85,37 +86,37 @@ def contact_geometry(spec: Spec) -> SimpleNamespace:
         if wp.static(mixed and spec.half_list):
             r = wp.sqrt(rsq)
             c.normal = to_real(d * (wide(1.0) / r))
-            c.overlap = real(wide_ri + wide_rj - r)
+            c.overlap = real(wide_ri + wide_rj - r)  # mutate: overlap_mixed_half
         elif wp.static(mixed):  # the small difference in float64, without its square root, slow on a GPU
             r = wp.sqrt(real(rsq))
             reach = wide_ri + wide_rj
-            c.normal = to_real(d) * (real(1.0) / r)
-            c.overlap = real(reach * reach - rsq) / (real(reach) + r)
+            c.normal = to_real(d) * (real(1.0) / r)  # mutate: pair_normal_mixed_full
+            c.overlap = real(reach * reach - rsq) / (real(reach) + r)  # mutate: overlap_mixed_full
         else:
             r = wp.sqrt(rsq)
-            c.normal = d * (real(1.0) / r)
+            c.normal = d * (real(1.0) / r)  # mutate: pair_normal
             c.overlap = ri + rj - r
-        c.lever = ri - real(0.5) * c.overlap
+        c.lever = ri - real(0.5) * c.overlap  # mutate: pair_lever
         if wp.static(spec.polydisperse):
-            c.radius_eff = ri * rj / (ri + rj)
+            c.radius_eff = ri * rj / (ri + rj)  # mutate: effective_radius
         else:
-            c.radius_eff = real(0.5) * ri
+            c.radius_eff = real(0.5) * ri  # mutate: effective_radius_equal
         if wp.static(spec.per_particle_mass):
-            c.mass_eff = mi * mj / (mi + mj)
+            c.mass_eff = mi * mj / (mi + mj)  # mutate: effective_mass
         else:
-            c.mass_eff = real(0.5) * mi
+            c.mass_eff = real(0.5) * mi  # mutate: effective_mass_equal
         return c
 
     @wp.func
     def wall_contact(gap: wide, normal: wide3, radius: wide, mass: real, w: wide3):
         c = Contact()
-        c.normal = to_real(normal)
+        c.normal = to_real(normal)  # mutate: wall_normal
         c.overlap = real(radius - gap)
-        c.lever = real(radius) - real(0.5) * c.overlap
-        c.radius_eff = real(radius)
-        c.mass_eff = mass
+        c.lever = real(radius) - real(0.5) * c.overlap  # mutate: wall_lever
+        c.radius_eff = real(radius)  # mutate: wall_effective_radius
+        c.mass_eff = mass  # mutate: wall_effective_mass
         if wp.static(spec.rotation):  # the gap is far above the bound unless a guard was waived
-            c.spin = (c.lever / real(wp.max(gap, wide(0.01) * radius))) * to_real(w)
+            c.spin = (c.lever / real(wp.max(gap, wide(0.01) * radius))) * to_real(w)  # mutate: wall_spin
         return c
 
     return SimpleNamespace(sphere_contact=sphere_contact, wall_contact=wall_contact)
@@ -154,6 +155,7 @@ def contact_procedure(spec: Spec) -> SimpleNamespace:
             c.overlap_minus_half = wp.max(c.overlap - real(0.5) * dt * closing, real(0.0))
             c.overlap_plus_half = wp.max(c.overlap + real(0.5) * dt * closing_next, real(0.0))
             share = real(1.0)
+            # mutate: first_share
             if c.overlap <= dt * closing:  # first step of the contact: it slides only since the contact began
                 share = c.overlap / (dt * closing)
             c.slide = (share * dt) * (v + closing * c.normal)
@@ -163,6 +165,7 @@ def contact_procedure(spec: Spec) -> SimpleNamespace:
     def contact_point_velocity(c: Contact, v: wide3, w_i: wide3, w_j: wide3, lever_j: real):
         """Relative velocity of the contact point from that of the centres and the angular velocities."""
         if wp.static(spec.rotation):
+            # mutate: contact_point_velocity
             return to_real(v) - wp.cross(c.lever * to_real(w_i) + lever_j * to_real(w_j), c.normal)
         return to_real(v)
 

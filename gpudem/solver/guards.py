@@ -41,6 +41,7 @@ def speed_limit(scene: Scene) -> float:
     if "speed" in scene.allow:
         return float("inf")
     fastest = max((wall.speed for wall in scene.wall_elements), default=0.0)
+    # mutate: speed_limit
     return max(0.0, MAX_MOVE * float(scene.state.radius.min()) / scene.time.step - fastest)
 
 

@@ -1,3 +1,4 @@
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportIndexIssue=false, reportInvalidTypeForm=false, reportOperatorIssue=false, reportOptionalCall=false
 """Kernels of a rebuild: cells, sorted order, list of neighbors and walls with skin, contact history.
 
 Rebuilding: cell of each particle -> stable sort -> particle arrays re-ordered -> entries counted, offsets
@@ -58,9 +59,9 @@ def last_cell(c: wp.int32, n: wp.int32, periodic: wp.int32):
     """Last of the cells to visit; may lie outside 0..n-1 where the axis is periodic."""
     if periodic != 0:
         if n < 3:
-            return n - 1
+            return n - 1  # mutate: last_cell_of_two
         return c + 1
-    return wp.min(c + 1, n - 1)
+    return wp.min(c + 1, n - 1)  # mutate: last_cell
 
 
 @wp.func
@@ -85,7 +86,7 @@ def periodic_wrap(wide: Any) -> Any:
         if x >= hi:
             return wp.max(x - (hi - lo), lo), wp.int32(1)
         if x < lo:
-            y = x + (hi - lo)
+            y = x + (hi - lo)  # mutate: periodic_entry
             if y >= hi:
                 return lo, wp.int32(0)
             return y, wp.int32(-1)
@@ -128,7 +129,7 @@ def cell_kernel(spec: Spec) -> Any:
         p = wide3(x, y, z)
         if wp.static(px or py or pz):
             now[i].position = p
-            particles.image[i] = particles.image[i] + wp.vec3i(cx, cy, cz)
+            particles.image[i] = particles.image[i] + wp.vec3i(cx, cy, cz)  # mutate: periodic_crossings
         slot = i // params.block
         cell = wp.vec3i()
         for a in range(3):
@@ -141,9 +142,9 @@ def cell_kernel(spec: Spec) -> Any:
                 s = t.wide(0.0)
             cell[a] = wp.min(wp.int32(s * params.inv_cell_size[a]), params.cells[a] - 1)
         v = now[i].velocity
-        if wp.dot(v, v) > params.speed_limit:
+        if wp.dot(v, v) > params.speed_limit:  # mutate: too_fast
             write_report(status, slot, wp.int32(TOO_FAST), particles.id[i], 0)
-        fast, middle, slow = params.axes[0], params.axes[1], params.axes[2]
+        fast, middle, slow = params.axes[0], params.axes[1], params.axes[2]  # mutate: sort_axes
         key[i] = (cell[slow] * params.cells[middle] + cell[middle]) * params.cells[fast] + cell[fast]
         order[i] = i
 
@@ -175,13 +176,13 @@ def gather_kernel(spec: Spec) -> Any:
         sorted_particles.x_at_rebuild[i] = now[o].position
         sorted_particles.id[i] = particles.id[o]
         if wp.static(spec.polydisperse):
-            sorted_particles.radius[i] = particles.radius[o]
+            sorted_particles.radius[i] = particles.radius[o]  # mutate: radius_at_rebuild
         if wp.static(spec.per_particle_mass):
-            sorted_particles.mass[i] = particles.mass[o]
+            sorted_particles.mass[i] = particles.mass[o]  # mutate: mass_at_rebuild
         if wp.static(spec.multi_material):
-            sorted_particles.material[i] = particles.material[o]
+            sorted_particles.material[i] = particles.material[o]  # mutate: material_at_rebuild
         if wp.static(any(spec.periodic)):
-            sorted_particles.image[i] = particles.image[o]
+            sorted_particles.image[i] = particles.image[o]  # mutate: image_at_rebuild
 
     return gather
 
@@ -224,7 +225,7 @@ def check_rebuild(
         if status[k] != wp.int64(NO_REPORT):
             reports += 1
     list_fits[0] = 0
-    if reports == 0 and start[n] <= capacity:
+    if reports == 0 and start[n] <= capacity:  # mutate: list_fits
         list_fits[0] = 1
         graph_rebuilds[0] = graph_rebuilds[0] + 1
     else:
@@ -255,13 +256,34 @@ def entry_search(spec: Spec) -> Any:
 
 
 @functools.cache
+def overlap_check(spec: Spec) -> Any:
+    """A function: reports a pair whose overlap exceeds the guard's limit; `touch`: where laws act."""
+    t = structs(spec.precision)
+    wide = t.wide
+
+    @wp.func
+    def check(
+        params: t.Params, particles: t.Particles, i: wp.int32, j: wp.int32, rsq: wide, touch: wide,
+        status: wp.array[wp.int64],
+    ):  # fmt: skip
+        smaller = params.radius
+        if wp.static(spec.polydisperse):
+            smaller = wp.min(particles.radius[i], particles.radius[j])  # mutate: smaller_radius
+        deep = touch - params.range - params.overlap_limit * smaller
+        if deep > wide(0.0) and rsq < deep * deep:
+            write_report(status, i // params.block, wp.int32(TOO_DEEP), particles.id[i], particles.id[j])
+
+    return check
+
+
+@functools.cache
 def neighbor_search(spec: Spec) -> Any:
     """A function: writes the neighbors of particle i, those in contact first; returns how many there are.
 
     They go to `out` from `base` on, as many as there is `room` for.
     """
     t = structs(spec.precision)
-    Params, Particles, wide = t.Params, t.Particles, t.wide
+    Params, Particles, check_overlap = t.Params, t.Particles, overlap_check(spec)
     nearest = nearest_image(spec.periodic, spec.precision)
     get, integers = access(t.wide3).get, access(wp.int32)
     get_int, put_int = integers.get, integers.put
@@ -286,7 +308,7 @@ def neighbor_search(spec: Spec) -> Any:
         count, touching = wp.int32(0), wp.int32(0)
         for at_c in range(first_cell(c, nc, around_c), last_cell(c, nc, around_c) + 1):
             for at_b in range(first_cell(b, nb, around_b), last_cell(b, nb, around_b) + 1):
-                row = (wrapped_cell(at_c, nc) * nb + wrapped_cell(at_b, nb)) * na
+                row = (wrapped_cell(at_c, nc) * nb + wrapped_cell(at_b, nb)) * na  # mutate: cell_row
                 # cells along a lie side by side in the sorted order: one span, unless they wrap round
                 left, right = first_cell(a, na, around_a), last_cell(a, na, around_a)
                 spans = wp.int32(1)
@@ -306,11 +328,11 @@ def neighbor_search(spec: Spec) -> Any:
                         rsq = wp.dot(d, d)
                         touch = reach
                         if wp.static(spec.polydisperse):
-                            touch = reach + particles.radius[j]
-                        limit = touch + params.skin
+                            touch = reach + particles.radius[j]  # mutate: pair_reach
+                        limit = touch + params.skin  # mutate: list_range
                         if rsq < limit * limit and j != i:
                             if wp.static(spec.half_list):
-                                if j >= block and j < i:
+                                if j >= block and j < i:  # mutate: pair_within_block
                                     continue
                             at, entry = wp.int32(0) + count, wp.int32(0) + j
                             if rsq < touch * touch:
@@ -318,15 +340,7 @@ def neighbor_search(spec: Spec) -> Any:
                                     entry = -j - 1
                                 at = wp.int32(0) + touching
                                 touching += 1
-                                smaller = params.radius
-                                if wp.static(spec.polydisperse):
-                                    smaller = wp.min(particles.radius[i], particles.radius[j])
-                                deep = touch - params.range - params.overlap_limit * smaller
-                                if deep > wide(0.0) and rsq < deep * deep:
-                                    write_report(
-                                        status, i // params.block, wp.int32(TOO_DEEP),
-                                        particles.id[i], particles.id[j],
-                                    )  # fmt: skip
+                                check_overlap(params, particles, i, j, rsq, touch, status)
                             if count < room:
                                 put_int(out, base + count, get_int(out, base + at))
                                 put_int(out, base + at, entry)
@@ -356,24 +370,24 @@ def wall_search(spec: Spec) -> Any:
         x = particles.x_at_rebuild[i]
         radius = params.radius
         if wp.static(spec.polydisperse):
-            radius = particles.radius[i]
+            radius = particles.radius[i]  # mutate: reach_to_walls
         for k in range(walls.present.shape[0]):
-            w = walls.present[k]
+            w = walls.present[k]  # mutate: present_wall
             gap, _normal = surface(walls, w, x)
-            within = radius + params.range + params.skin
+            within = radius + params.range + params.skin  # mutate: wall_range
             if wp.static(spec.moving_walls):
-                within = within + walls.stroke[w]
+                within = within + walls.stroke[w]  # mutate: stroke_in_range
             near = gap < within
             if wp.static(spec.moving_walls):
                 if walls.fast[w] != 0:
                     at = find(particles, old, params.n + w, True)
                     if at >= 0 and particles.rise[at] >= t.wide(0.0):
                         gap = gap - particles.rise[at]
-                        near = True
+                        near = True  # mutate: near_fast_floor
                 else:
                     gap, _normal_now = surface(walls, w, x - walls.displacement[w])
             if near:
-                if gap < radius - params.overlap_limit * radius:
+                if gap < radius - params.overlap_limit * radius:  # mutate: deep_in_wall
                     write_report(status, i // params.block, wp.int32(DEEP_IN_WALL), particles.id[i], w)
                 if count < room:
                     put_int(out, base + count, params.n + w)
@@ -412,7 +426,7 @@ def count_kernel(spec: Spec) -> Any:
         base = i * CACHE_SIZE
         found = neighbors(params, particles, key[i], cell_start, i, cache, base, CACHE_SIZE, status)
         if wp.static(bool(spec.walls)):
-            neighbor_count[i] = found
+            neighbor_count[i] = found  # mutate: neighbor_count
             found = walls_of(params, particles, walls, i, order[i], found, cache, base, CACHE_SIZE, status)
         count[i] = found
 
@@ -440,27 +454,27 @@ def fill_kernel(spec: Spec) -> Any:
             return
         sign = t.real(1.0)
         if other >= params.n:
-            k = find(particles, o, other, True)
+            k = find(particles, o, other, True)  # mutate: wall_entry_at_rebuild
             if wp.static(spec.moving_walls):
                 if walls.fast[other - params.n] != 0:
                     rise[m] = t.wide(-1.0)
                     if k >= 0:
-                        rise[m] = particles.rise[k]
+                        rise[m] = particles.rise[k]  # mutate: rise_at_rebuild
         else:
             other = -other - 1
             k = find(particles, o, order[other], False)
             if wp.static(spec.half_list):
                 if k < 0:
                     k = find(particles, order[other], o, False)
-                    sign = t.real(-1.0)
+                    sign = t.real(-1.0)  # mutate: spring_sign
         if wp.static(spec.contact_history):
             neighbor[m] = other
             if k >= 0 and get_int(particles.neighbor, k) < 0:
                 neighbor[m] = -other - 1
                 if wp.static(spec.spring_history):
-                    spring[m] = sign * particles.spring[k]
+                    spring[m] = sign * particles.spring[k]  # mutate: spring_at_rebuild
                 if wp.static(spec.rolling_history):
-                    rolling_torque[m] = sign * particles.rolling_torque[k]
+                    rolling_torque[m] = sign * particles.rolling_torque[k]  # mutate: rolling_at_rebuild
 
     @wp.kernel(module="unique", enable_backward=False)
     def fill_entries(
@@ -498,6 +512,7 @@ def fill_kernel(spec: Spec) -> Any:
             particles.wall_start[i] = first + neighbor_count[i]
         if wp.static(spec.contact_history or spec.moving_walls):
             for m in range(first, first + room):
+                # mutate: history_at_rebuild
                 carry(params, particles, walls, order, order[i], m, neighbor, spring, rolling_torque, rise)
 
     return fill_entries

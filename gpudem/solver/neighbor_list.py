@@ -40,7 +40,7 @@ def cell_grid(scene: Scene) -> tuple[tuple[int, int, int], np.ndarray]:
     At most eight cells a particle (and 4096), so that a large, nearly empty domain costs no memory.
     """
     size = np.array(scene.domain.hi) - np.array(scene.domain.lo)
-    edge = 2 * float(scene.state.radius.max()) + scene.skin
+    edge = 2 * float(scene.state.radius.max()) + scene.skin  # mutate: cell_edge
     limit = 8 * len(scene.state) + 4096
     while math.prod(cells := tuple(max(1, math.floor(s / edge)) for s in size)) > limit:
         edge *= 1.26  # half as many cells
@@ -74,6 +74,8 @@ class NeighborList:
     `on_reallocate` is called when list arrays were replaced: launches recorded elsewhere are out of date.
     `when` gives the time of an error in words.
     """
+
+    neighbor: Any
 
     def __init__(self, scene: Scene, state: State, params: Any, pool: CpuThreadPool):
         self.state, self.params, self.pool, self.scene = state, params, pool, scene
@@ -129,7 +131,7 @@ class NeighborList:
         for name, dtype in arrays.items():
             grown = wp.zeros(capacity, dtype=dtype, device=device)
             if self.rebuilds > 0:
-                wp.copy(grown, getattr(p, name), count=self.capacity)
+                wp.copy(grown, getattr(p, name), count=self.capacity)  # mutate: history_of_grown_list
             setattr(p, name, grown)
             setattr(self, name, wp.zeros(capacity, dtype=dtype, device=device))
         self.capacity = capacity
@@ -193,7 +195,7 @@ class NeighborList:
 
     def _graph_rebuild_body(self, launch: int) -> None:
         self._search()
-        wp.copy(self.state.next, self.state.now)
+        wp.copy(self.state.next, self.state.now)  # mutate: copy_before_swap
         self.state.swap()
         wp.launch(
             check_rebuild, 1, inputs=[self.state.n, self.capacity, self.start, self.status],

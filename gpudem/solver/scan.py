@@ -1,3 +1,4 @@
+# pyright: reportIndexIssue=false
 """Exclusive prefix sums for a branch of a CUDA graph, where Warp's own, which allocates, must not stand."""
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def group_starts(
     at = begin[g] + wp.int32(0)
     for k in range(g * GROUP, wp.min(g * GROUP + GROUP, n)):
         value = values[k]
-        starts[k] = at
+        starts[k] = at  # mutate: scan_start
         at += value
 
 

@@ -22,7 +22,7 @@ from gpudem.output.vtu import Frame
 from gpudem.scene import Scene
 from gpudem.scene.sections import Wall
 from gpudem.solver import guards
-from gpudem.solver.device import cores, find_device
+from gpudem.solver.device import compile_kernels, find_device
 from gpudem.solver.neighbor_list import NeighborList, block_size, cell_grid, layers_of_cells
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import State
@@ -98,9 +98,11 @@ class Solver:
         p.is_periodic = wp.vec3i(*[int(side) for side in scene.domain.periodic])
         p.speed_limit = guards.speed_limit(scene) ** 2
         p.overlap_limit = guards.overlap_limit(scene)
+        # mutate: move_limit
         p.skin, p.move_limit, p.range = scene.skin, (scene.skin / 2) ** 2, scene.contact_range
         p.radius, p.mass = float(scene.state.radius.max()), float(scene.masses[0])
         p.kick = 0.5 * scene.time.step / p.mass
+        # mutate: half_spin_kick_equal
         p.spin_kick = 0.5 * scene.time.step / (0.4 * p.radius * p.radius * p.mass)
         p.n, p.walls, p.materials = self.state.n, self.state.walls, len(scene.particle_materials)
         return p
@@ -142,9 +144,7 @@ class Solver:
 
     def _compile(self) -> float:
         begin = time.perf_counter()
-        modules = dict.fromkeys(k.module for k in (self.kernel, *self.neighbors.kernels.values()))
-        threads = 1 if self.device.is_cpu else 256
-        wp.force_load(self.device, list(modules), block_dim=threads, max_workers=cores())
+        compile_kernels(self.device, (self.kernel, *self.neighbors.kernels.values()))
         return time.perf_counter() - begin
 
     def _invalidate_launches(self) -> None:
@@ -160,8 +160,9 @@ class Solver:
         """
         if self.step_count > 0:
             self._take_full_step_velocities()
-            self._choose_order(self.state.now.numpy()["position"])
-            self.pool.partition(self.params.block)
+            bodies: Any = self.state.now.numpy()
+            self._choose_order(bodies["position"])
+            self.pool.partition(self.params.block)  # mutate: slices_of_new_blocks
         self._set_walls(planes)
         self._move_walls(self.step_count)
         self._rebuild()
@@ -202,7 +203,7 @@ class Solver:
     def _move_walls(self, step: int) -> None:
         """Puts moving walls where they are in `step`, the next launch's, and in those after it."""
         if self._displaced:
-            times = [(step + k) * self.scene.time.step for k in range(self.chunk)]
+            times = [(step + k) * self.scene.time.step for k in range(self.chunk)]  # mutate: saw_tooth_times
             places = [wall.displacement(time) for time in times for wall in self.scene.wall_elements]
             if self.device.is_cpu:
                 self.walls.displacement.numpy()[:] = places
@@ -222,7 +223,7 @@ class Solver:
         pending = self._read_rebuild_flags()
         self._needs_rebuild, done = bool(pending[steps]), steps
         if self._needs_rebuild:
-            done = int(np.argmax(pending[1 : steps + 1])) + 1
+            done = int(np.argmax(pending[1 : steps + 1])) + 1  # mutate: steps_done
             self._rebuild_suspended = self.rebuild_in_graph and self.neighbors.is_suspended()
         if (steps - done) % 2:
             self.state.swap()
@@ -294,9 +295,9 @@ class Solver:
         self._launches[key]()
 
     def _take_full_step_velocities(self) -> None:
-        bodies = self.state.now.numpy()
+        bodies: Any = self.state.now.numpy()
         for name in ("velocity", *(["angular_velocity"] * self.spec.rotation)):
-            bodies[name] = getattr(self.state.output, name).numpy()
+            bodies[name] = getattr(self.state.output, name).numpy()  # mutate: velocities_at_gate
         self.state.now.assign(bodies)
 
     # -- restart -------------------------------------------------------------------------------------------
@@ -323,7 +324,7 @@ class Solver:
         same = names == set(saved) and state.now.numpy().dtype == saved["now"].dtype
         if not same or counts[3] != self.spec.half_list:
             raise SimulationError("the saved state is of another scene, precision or kind of device")
-        self.params.block, self.params.axes = counts[4], wp.vec3i(*counts[5:])
+        self.params.block, self.params.axes = counts[4], wp.vec3i(*counts[5:])  # mutate: restart_order
         self.pool.partition(self.params.block)
         state.now.assign(saved["now"])
         self.neighbors.reserve(len(saved["neighbor"]))
@@ -334,6 +335,7 @@ class Solver:
             if array.size:
                 array.assign(saved[name])
         self._set_walls(planes)
+        # mutate: restart_counts
         self.step_count, self.neighbors.rebuilds, self._needs_rebuild = counts[0], counts[1], bool(counts[2])
 
     def _stored_arrays(self) -> list[str]:
@@ -341,6 +343,7 @@ class Solver:
 
         Not those that are zero between steps or follow from the number of the step.
         """
+        # mutate: restart_arrays
         leave = ("rebuild_pending", "rebuild_requested", "partial_force", "partial_torque")
         names = [name for name in self.state.types.Particles.vars if name not in leave]
         return [name for name in names if getattr(self.state.particles, name) is not None]
@@ -360,7 +363,8 @@ class Solver:
         if name in ("angular_velocity", "torque") and not self.spec.rotation:
             return np.zeros((state.n, 3))
         found, values = np.empty((state.n, 3)), {"unwrapped_position": "position"}.get(name, name)
-        found[row] = host(self._written)["position"] if values == "position" else host(getattr(output, name))
+        array = host(self._written)["position"] if values == "position" else host(getattr(output, name))
+        found[row] = array  # mutate: rows_by_id
         if values in ("position", "velocity") and not np.isfinite(found).all():
             i = int(np.argwhere(~np.isfinite(found))[0][0])
             at = f"t = {self.step_count * self.scene.time.step:.9g} s (step {self.step_count})"
@@ -387,6 +391,7 @@ class Solver:
         for k in np.flatnonzero(self.scene.domain.periodic):
             x, size = position[:, k], hi[k] - lo[k]
             wrapped = np.where(x < lo[k], x + size, np.where(x >= hi[k], np.maximum(x - size, lo[k]), x))
+            # mutate: wrapped_frame
             position[:, k] = np.where(wrapped >= hi[k], lo[k], wrapped)  # rounded to the upper face
         return position
 

@@ -87,7 +87,7 @@ class Spec:
     @property
     def path(self) -> bool:
         """Velocities predicted half a step ahead are stored beside those half a step behind."""
-        return self.integrator == "path"
+        return self.integrator == "path"  # mutate: predicts_velocities
 
     @property
     def spring_history(self) -> bool:

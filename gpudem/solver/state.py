@@ -1,3 +1,4 @@
+# pyright: reportInvalidTypeForm=false
 """The device arrays of one run, with unit and shape for each; an array that the scene does not need is None.
 
 n particles in sorted (cell) order, m walls. Arrays that are None are null on the device: no kernel built for
@@ -77,8 +78,10 @@ def _particles_struct(real: Any, vec3: Any, wide: Any, wide3: Any) -> Any:
         start: wp.array[wp.int32]  # first list entry of each particle, (n + 1,)
         wall_start: wp.array[wp.int32]  # first of them that is a wall, (n,)
         neighbor: wp.array[wp.int32]  # particle j or wall n + w; -that - 1: in contact in the last step
-        spring: wp.array[vec3]  # shear spring of each entry [m], (capacity,)
+        spring: wp.array[vec3]  # shear spring of each entry [m], (capacity,)  # mutate: spring_array
+        # mutate: rolling_torque_array
         rolling_torque: wp.array[vec3]  # stored for each entry [N m], (capacity,)
+        # mutate: rise_array
         rise: wp.array[wide]  # of a fast floor since the contact began [m], -1 apart, (capacity,)
         partial_force: wp.array[vec3]  # from particles before it in its block [N], (n,); half list only
         partial_torque: wp.array[vec3]  # [N m], (n,), likewise
@@ -128,7 +131,7 @@ class State:
         Body = body_struct(spec)
         bodies = np.zeros(self.n, dtype=Body.numpy_dtype())
         for name in ("position", "velocity", *(["angular_velocity"] * spec.rotation)):
-            bodies[name] = getattr(initial, name)
+            bodies[name] = getattr(initial, name)  # pyright: ignore[reportCallIssue, reportArgumentType]
         self.now = wp.array(bodies, dtype=Body, device=device)
         self.next = wp.zeros_like(self.now)
         self.particles = self._particles(scene, chunk, t)
@@ -184,8 +187,8 @@ class State:
         if self.device.is_cuda:
             return array.numpy()
         if array.ptr not in self._views:
-            self._views[array.ptr] = array.numpy()
-        return self._views[array.ptr]
+            self._views[array.ptr] = array.numpy()  # pyright: ignore[reportArgumentType]
+        return self._views[array.ptr]  # pyright: ignore[reportArgumentType]
 
     def arrays(self) -> dict[str, wp.array]:
         """Every array there is, by name: what a scene costs in memory."""

@@ -1,3 +1,4 @@
+# pyright: reportInvalidTypeForm=false, reportOptionalCall=false
 """The step kernel: contact forces of one particle, its second half kick, its next first half kick and drift.
 
 One thread a particle. With a full list both sides of a contact are computed separately, so nothing is added
@@ -62,12 +63,19 @@ def particle_reader(spec: Spec) -> SimpleNamespace:
     @wp.func
     def mass_of(params: Params, particles: Particles, j: wp.int32):
         if wp.static(spec.per_particle_mass):
-            return particles.mass[j]
+            return particles.mass[j]  # mutate: particle_mass
         return params.mass
+
+    @wp.func
+    def material_of(particles: Particles, j: wp.int32):
+        if wp.static(spec.multi_material):
+            return particles.material[j]
+        return wp.int32(0)
 
     @wp.func
     def pair_of(params: Params, particles: Particles, laws: Laws, material: wp.int32, j: wp.int32):
         if wp.static(spec.multi_material):
+            # mutate: pair_coefficients
             return laws.pairs[material * params.materials + particles.material[j]]
         return laws.pair
 
@@ -85,7 +93,7 @@ def particle_reader(spec: Spec) -> SimpleNamespace:
         return next_spin_of(now, j)
 
     return SimpleNamespace(
-        radius=radius_of, mass=mass_of, pair=pair_of,
+        radius=radius_of, mass=mass_of, material=material_of, pair=pair_of,
         velocity=velocity_of, spin=spin_of, velocity_ahead=velocity_ahead, spin_ahead=spin_ahead,
     )  # fmt: skip
 
@@ -111,7 +119,7 @@ def entry_access(spec: Spec) -> SimpleNamespace:
         """Mark that the two of an entry are not in contact."""
         if wp.static(spec.contact_history):
             if entry < 0:
-                put_int(particles.neighbor, k, other)
+                put_int(particles.neighbor, k, other)  # mutate: forget_contact
 
     @wp.func
     def spring(particles: Particles, k: wp.int32, entry: wp.int32):
@@ -137,10 +145,49 @@ def entry_access(spec: Spec) -> SimpleNamespace:
                     put(particles.spring, k, spring)
                 if wp.static(spec.rolling_history):
                     put(particles.rolling_torque, k, rolling)
-                if entry >= 0:
+                if entry >= 0:  # mutate: remember_contact
                     put_int(particles.neighbor, k, -other - 1)
 
     return SimpleNamespace(partner=partner, part=part, spring=spring, rolling=rolling, store=store)
+
+
+@functools.cache
+def partial_sums(spec: Spec) -> SimpleNamespace:
+    """Functions for the sums of a half list; with a full list they do nothing.
+
+    take(particles, i) -> (force, torque) that the particles before i in its block have left for it.
+    add(particles, i, j, end of the block, force on i, torque on j) -> 1 if j is in the block, and its force
+    and torque were added to its sums, else 0.
+    """
+    t = structs(spec.precision)
+    Particles, vec3 = t.Particles, t.vec3
+    vectors = access(vec3)
+    get, put, subtract = vectors.get, vectors.put, vectors.subtract
+
+    @wp.func
+    def take(particles: Particles, i: wp.int32):
+        if wp.static(not spec.half_list):
+            return vec3(), vec3()
+        force, torque = get(particles.partial_force, i), vec3()
+        put(particles.partial_force, i, vec3())  # mutate: force_of_block_taken
+        if wp.static(spec.rotation):
+            torque = get(particles.partial_torque, i)
+            put(particles.partial_torque, i, vec3())
+        return force, torque
+
+    @wp.func
+    def add(
+        particles: Particles, i: wp.int32, j: wp.int32, block_end: wp.int32, force: vec3, torque_j: vec3
+    ):  # fmt: skip
+        if wp.static(spec.half_list):
+            if j > i and j < block_end:
+                subtract(particles.partial_force, j, force)  # mutate: partner_force
+                if wp.static(spec.rotation):
+                    subtract(particles.partial_torque, j, -torque_j)
+                return 1
+        return 0
+
+    return SimpleNamespace(take=take, add=add)
 
 
 @functools.cache
@@ -163,37 +210,38 @@ def step_end(spec: Spec) -> Any:
         kick = params.kick
         spin_kick = params.spin_kick
         if wp.static(spec.per_particle_mass):
-            kick = real(0.5) * params.dt / mass
+            kick = real(0.5) * params.dt / mass  # mutate: half_kick
+            # mutate: half_spin_kick
             spin_kick = real(0.5) * params.dt / (real(0.4) * real(radius) * real(radius) * mass)
         second_kick = kick
-        second_spin_kick = spin_kick
+        second_spin_kick = spin_kick  # mutate: second_spin_kick
         if mode & SETUP:
-            second_kick = real(0.0)
+            second_kick = real(0.0)  # mutate: no_kick_at_setup
             second_spin_kick = real(0.0)
-        v = v + to_wide(second_kick * force)
+        v = v + to_wide(second_kick * force)  # mutate: second_kick
         if wp.static(spec.rotation):
             w = w + to_wide(second_spin_kick * torque)
         if mode & WRITE:
-            output.velocity[i] = v
+            output.velocity[i] = v  # mutate: velocity_of_frame
             output.force[i] = force
             output.contacts[i] = contacts
             if wp.static(spec.rotation):
                 output.angular_velocity[i] = w
                 output.torque[i] = torque
-        v = v + to_wide(kick * force)
+        v = v + to_wide(kick * force)  # mutate: first_kick
         x = x + params.dt_wide * v
         if wp.static(spec.rotation):
             w = w + to_wide(spin_kick * torque)
         v_next = v
         w_next = w
         if wp.static(spec.path):
-            v_next = v + to_wide(real(2.0) * kick * force)
+            v_next = v + to_wide(real(2.0) * kick * force)  # mutate: velocity_ahead
             if wp.static(spec.rotation):
                 w_next = w + to_wide(real(2.0) * spin_kick * torque)
         put_body(after, i, x, v, w, v_next, w_next)
         shift = x - get_wide(particles.x_at_rebuild, i)
         if not (wp.dot(shift, shift) <= params.move_limit):  # true for NaN too
-            particles.rebuild_pending[launch + 1] = 1
+            particles.rebuild_pending[launch + 1] = 1  # mutate: ask_rebuild
             particles.rebuild_requested[launch + 1] = 1
 
     return end_step
@@ -213,12 +261,12 @@ def step_kernel(spec: Spec) -> Any:
     )
     Body, position_of, end_step = body_struct(spec), body_reader(spec, "position"), step_end(spec)
     of, entry_of = particle_reader(spec), entry_access(spec)
-    radius_of, mass_of, pair_of = of.radius, of.mass, of.pair
+    radius_of, mass_of, material_of, pair_of = of.radius, of.mass, of.material, of.pair
     velocity_of, spin_of, velocity_ahead, spin_ahead = of.velocity, of.spin, of.velocity_ahead, of.spin_ahead
     partner, part, spring_of, rolling_of = entry_of.partner, entry_of.part, entry_of.spring, entry_of.rolling
     store = entry_of.store
-    vectors, get_int = access(vec3), access(wp.int32).get
-    get, put, subtract = vectors.get, vectors.put, vectors.subtract
+    get_int, sums = access(wp.int32).get, partial_sums(spec)
+    take_partial_sums, add_to_partner = sums.take, sums.add
     geometry, procedure, convert = (
         contact_geometry(spec),
         contact_procedure(spec),
@@ -254,24 +302,15 @@ def step_kernel(spec: Spec) -> Any:
             return
         x, v, w = position_of(now, i), velocity_of(now, i), spin_of(now, i)
         radius, mass = radius_of(params, particles, i), mass_of(params, particles, i)
-        material = wp.int32(0)
-        if wp.static(spec.multi_material):
-            material = particles.material[i]
+        material = material_of(particles, i)
         dt = params.dt
         if mode & SETUP:
-            dt = real(0.0)
+            dt = real(0.0)  # mutate: no_time_at_setup
         v_next, w_next = v, w
         if wp.static(spec.path):
             v_next, w_next = velocity_ahead(now, i, mode), spin_ahead(now, i, mode)
-        force, torque, contacts = vec3(), vec3(), wp.int32(0)
-        block_end = wp.int32(0)
-        if wp.static(spec.half_list):
-            block_end = (i // params.block + 1) * params.block
-            force = get(particles.partial_force, i)
-            put(particles.partial_force, i, vec3())
-            if wp.static(spec.rotation):
-                torque = get(particles.partial_torque, i)
-                put(particles.partial_torque, i, vec3())
+        force, torque = take_partial_sums(particles, i)
+        contacts, block_end = wp.int32(0), (i // params.block + 1) * params.block
         first, last = get_int(particles.start, i), get_int(particles.start, i + 1)
         first_wall = last
         if wp.static(bool(spec.walls)):
@@ -289,20 +328,18 @@ def step_kernel(spec: Spec) -> Any:
             if not (rsq < reach * reach):
                 part(particles, k, entry, j)
                 if wp.static(spec.path):  # may overlap half a step before or after
-                    reach += wide(0.5) * params.skin
+                    reach += wide(0.5) * params.skin  # mutate: path_reach
                     if rsq < reach * reach and not (mode & SETUP):
+                        # mutate: pair_at_edge
                         c = sphere_contact(d, rsq, radius, radius_j, mass, mass_of(params, particles, j))
                         v_rel, v_rel_next = v - velocity_of(now, j), v_next - velocity_ahead(now, j, mode)
-                        f = damping_apart(
-                            c, v_rel, v_rel_next, pair_of(params, particles, laws, material, j), dt
-                        )
+                        pair = pair_of(params, particles, laws, material, j)  # mutate: edge_coefficients
+                        f = damping_apart(c, v_rel, v_rel_next, pair, dt)  # mutate: pair_edge_force
                         force += f
-                        if wp.static(spec.half_list):
-                            if j > i and j < block_end:
-                                subtract(particles.partial_force, j, f)
+                        add_to_partner(particles, i, j, block_end, f, vec3())  # mutate: partner_edge_force
                 continue
             c = sphere_contact(d, rsq, radius, radius_j, mass, mass_of(params, particles, j))
-            lever_j = real(radius_j) - real(0.5) * c.overlap
+            lever_j = real(radius_j) - real(0.5) * c.overlap  # mutate: partner_lever
             v_rel, w_j = v - velocity_of(now, j), spin_of(now, j)
             v_rel_next, w_j_next = v_rel, w_j
             if wp.static(spec.path):
@@ -315,24 +352,12 @@ def step_kernel(spec: Spec) -> Any:
                 rolling_of(particles, k, entry), dt, params.dt,
             )  # fmt: skip
             force += f
-            torque -= c.lever * n_cross_ft + rolling
-            contacts += 1
-            if wp.static(spec.half_list):
-                if j > i and j < block_end:
-                    subtract(particles.partial_force, j, f)
-                    if wp.static(spec.rotation):
-                        subtract(
-                            particles.partial_torque,
-                            j,
-                            lever_j * n_cross_ft - rolling,
-                        )
-                    contacts += 1
+            torque -= c.lever * n_cross_ft + rolling  # mutate: pair_torque
+            torque_j = rolling - lever_j * n_cross_ft  # mutate: partner_torque
+            contacts += 1 + add_to_partner(particles, i, j, block_end, f, torque_j)
             store(particles, k, entry, j, spring, rolling, mode)
 
         if wp.static(bool(spec.walls)):
-            contact_gap = radius
-            if wp.static(spec.long_range):
-                contact_gap = radius + params.range
             for k in range(first_wall, last):
                 entry = get_int(particles.neighbor, k)
                 other = partner(entry)
@@ -340,35 +365,38 @@ def step_kernel(spec: Spec) -> Any:
                 v_wall, place = wide3(), x
                 if wp.static(spec.moving_walls):
                     v_wall = walls.velocity[wall]
-                    place = x - walls.displacement[launch * params.walls + wall]
+                    place = x - walls.displacement[launch * params.walls + wall]  # mutate: wall_displacement
                 gap, normal = surface(walls, wall, place)
                 if wp.static(spec.moving_walls):
                     gap = fast_gap(params, walls, particles, k, wall, gap, normal, radius, v, dt)
-                wall_pair = laws.wall_pairs[wall * params.materials + material]
-                if not (gap <= contact_gap):
+                wall_pair = laws.wall_pairs[wall * params.materials + material]  # mutate: wall_coefficients
+                if not (gap <= radius + params.range):
                     part(particles, k, entry, other)
                     if wp.static(spec.path):
                         if not (mode & SETUP):
                             c = wall_contact(gap, normal, radius, mass, w)
+                            # mutate: wall_edge_force
                             force += damping_apart(c, v - v_wall, v_next - v_wall, wall_pair, dt)
                     continue
                 c = wall_contact(gap, normal, radius, mass, w)
+                # mutate: wall_forces
                 f, n_cross_ft, spring, rolling = resolve(
                     c, v - v_wall, v_next - v_wall, w, w_next, wide3(), wide3(), real(0.0), wall_pair,
                     spring_of(particles, k, entry), rolling_of(particles, k, entry), dt, params.dt,
                 )  # fmt: skip
                 force += f
-                torque -= c.lever * n_cross_ft + rolling
+                torque -= c.lever * n_cross_ft + rolling  # mutate: wall_torque
+                # mutate: wall_contact_count
                 contacts += 2  # a contact with a particle is counted from both sides
                 if wp.static(spec.moving_walls):
                     if not (mode & SETUP):
+                        # mutate: work_of_floor
                         particles.wall_work[i] += wp.float64(wp.dot(to_wide(f), v_wall) * params.dt_wide)
                 store(particles, k, entry, other, spring, rolling, mode)
 
         if wp.static(spec.gravity):
-            force += mass * params.gravity
-        end_step(
-            params, mode, launch, i, x, v, w, radius, mass, force, torque, contacts, particles, after, output
-        )
+            force += mass * params.gravity  # mutate: gravity
+        end_step(params, mode, launch, i, x, v, w, radius, mass, force, torque, contacts,
+                 particles, after, output)  # fmt: skip
 
     return step

@@ -1,3 +1,4 @@
+# pyright: reportIndexIssue=false, reportOperatorIssue=false
 """Launches over all particles, cut into slices for the cores of the CPU; one launch on a CUDA device.
 
 Warp runs a CPU launch on one core and releases Python's lock meanwhile, so a few threads, each with its own
@@ -15,7 +16,7 @@ from typing import Any
 import warp as wp
 
 from gpudem.errors import GpudemError, SimulationError
-from gpudem.solver.device import cores
+from gpudem.solver.device import compile_kernels, cores, find_device
 
 
 class CpuThreadPool:
@@ -52,6 +53,7 @@ class CpuThreadPool:
         self, kernel: Any, params: Any, inputs: list[Any], outputs: list[Any]
     ) -> Callable[[], None]:
         """A call that runs `kernel(params, begin, *inputs, *outputs)` over all particles."""
+        # mutate: slice_launch
         launches = [
             wp.launch(
                 kernel,
@@ -64,7 +66,7 @@ class CpuThreadPool:
             for begin, end in self.slices
         ]
         if len(launches) == 1:
-            return launches[0].launch
+            return launches[0].launch  # pyright: ignore[reportOptionalMemberAccess]
         return functools.partial(self._run, launches)
 
     def _run(self, launches: list[Any]) -> None:
@@ -134,6 +136,7 @@ def require_serial_launches() -> None:
 
     Raises SimulationError where this Warp does not.
     """
+    compile_kernels(find_device("cpu"), [take_turns])
     turn, out_of_turn = (wp.zeros(1, dtype=wp.int32, device="cpu") for _ in range(2))
     wp.launch(take_turns, 100_000, inputs=[turn], outputs=[out_of_turn], device="cpu")
     if out_of_turn.numpy()[0]:

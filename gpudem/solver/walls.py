@@ -1,3 +1,4 @@
+# pyright: reportInvalidTypeForm=false
 """Walls on the device: their table, their surface as one function, and how far a fast floor has risen."""
 
 import functools
@@ -48,11 +49,11 @@ def risen(rise: Any, overlap: Any, velocity: Any, speed: Any, dt: Any):
         dt: Time step [s]; 0 at set-up. If the contact began within it, the floor has moved since then.
     """
     if rise >= type(rise)(0.0):
-        rise = rise + speed * dt
+        rise = rise + speed * dt  # mutate: floor_rise
     elif overlap >= type(rise)(0.0):
         since = dt
         if overlap < -velocity * dt:
-            since = overlap / -velocity
+            since = overlap / -velocity  # mutate: time_since_touch
         rise = speed * since
     return rise
 
@@ -82,7 +83,7 @@ def fast_floor_gap(precision: str) -> Any:
         left = gap - wp.max(rise, wide(0.0))
         if dt > t.real(0.0):
             if left > radius:
-                rise = wide(-1.0)
+                rise = wide(-1.0)  # mutate: floor_snaps_back
             particles.rise[k] = rise
         return left
 
@@ -96,7 +97,7 @@ def wall_table(state: State, scene: Scene, chunk: int, present: list[Wall]) -> A
     if not elements:
         return walls
     names = {wall.name for wall in present}
-    here = [w for w, wall in enumerate(elements) if wall.name in names]
+    here = [w for w, wall in enumerate(elements) if wall.name in names]  # mutate: walls_present
     walls.present = wp.array(np.array(here, np.int32), dtype=wp.int32, device=device)
     if len(state.spec.walls) > 1:
         kinds = [state.spec.walls.index(wall.kind) for wall in elements]

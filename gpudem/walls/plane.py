@@ -14,7 +14,7 @@ def plane(walls: Any, w: wp.int32, x: Any):
     direction: the normal; size[0]: normal . point of the plane [m].
     """
     normal = walls.direction[w]
-    return wp.dot(normal, x) - walls.size[w][0], normal
+    return wp.dot(normal, x) - walls.size[w][0], normal  # mutate: plane_distance
 
 
 KIND = WallKind("plane", plane)

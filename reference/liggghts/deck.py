@@ -13,12 +13,14 @@ import hashlib
 import math
 from pathlib import Path
 
-import jinja2
-
+from gpudem.extras import from_extra
 from gpudem.scene import Plane, Scene
 from reference.liggghts import limits
 from reference.liggghts.contact_model import model, properties, switches
 from reference.liggghts.decomposition import processors
+
+with from_extra():
+    import jinja2
 
 DECK, DATA, LOG, RAW = "deck.in", "particles.data", "log.liggghts", "raw"
 """Names in the run directory; RAW is the folder of unconverted dumps."""

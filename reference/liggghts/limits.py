@@ -24,7 +24,7 @@ def check(scene: Scene) -> None:
         for wall in scene.wall_elements
         if wall.kind != "plane"
     ]
-    found += [_tilted(p) for p in scene.planes if max(map(abs, p.normal)) != 1.0]
+    found += [_tilted(p) for p in scene.planes if sum(c != 0 for c in p.normal) != 1]
     found += [
         f"walls.{p.name}.vibration: LIGGGHTS has no saw-tooth motion of a plane"
         for p in scene.planes

@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from gpudem.extras import from_extra
 from reference.liggghts.console import Console
 from reference.liggghts.deck import DATA, DECK, LOG, RAW, Deck
 from reference.liggghts.errors import LiggghtsFailed, LiggghtsTimeout
@@ -206,7 +207,8 @@ class _Memory:
     def _pids(self) -> list[int]:
         if self._ranks == 1:
             return [self._pid]
-        import psutil
+        with from_extra():
+            import psutil
 
         try:
             children = psutil.Process(self._pid).children(recursive=True)

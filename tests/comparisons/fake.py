@@ -156,13 +156,9 @@ def case(name: str = "throw", tolerance: float = 1e-6, order: int = 10) -> Case:
         return pandas.DataFrame(rows, columns=["variant", "code", "largest error [m]"])
 
     both = ("gpudem", "liggghts")
-    return Case(
-        name=name,
-        title="Balls thrown upwards" if name == "throw" else name.replace("_", " ").capitalize(),
-        purpose="Free flight under gravity: the integrator alone, and whether both codes count time alike.",
-        source="Elementary mechanics: z = z0 + v t - g t²/2.",
-        variants=lambda tier: [Variant(label, scene(dt)) for label, dt in labels.items()],
-        checks=(
+
+    def checks():
+        return (
             Check(
                 "height, largest error",
                 lambda r: worst(r, "dt_1e-05", "gpudem"),
@@ -196,8 +192,10 @@ def case(name: str = "throw", tolerance: float = 1e-6, order: int = 10) -> Case:
                 "a step that does not matter",
                 lo=0.8,
             ),
-        ),
-        figures=(
+        )
+
+    def figures():
+        return (
             Figure(
                 "Height in time", "Both codes and the closed form; below, their errors.", draw, needs=both
             ),
@@ -206,7 +204,16 @@ def case(name: str = "throw", tolerance: float = 1e-6, order: int = 10) -> Case:
             Figure(
                 "Error against time", "Each point a time step.", work, needs=both, section="work_precision"
             ),
-        ),
+        )
+
+    return Case(
+        name=name,
+        title="Balls thrown upwards" if name == "throw" else name.replace("_", " ").capitalize(),
+        purpose="Free flight under gravity: the integrator alone, and whether both codes count time alike.",
+        source="Elementary mechanics: z = z0 + v t - g t²/2.",
+        variants=lambda tier: [Variant(label, scene(dt)) for label, dt in labels.items()],
+        checks=checks(),
+        figures=figures(),
         tables=(Table("Errors", "Over the whole flight.", table, needs=both),),
         features=("gravity", "velocity Verlet")
         if name == "throw"

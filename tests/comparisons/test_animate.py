@@ -16,6 +16,8 @@ from gpudem.scene import Output, Scene
 from reference import liggghts
 from tests.event_driven import scenes
 
+pytestmark = pytest.mark.long
+
 FRAMES = 4
 
 
@@ -94,7 +96,7 @@ def test_the_command(tmp_path, capsys):
 
 def test_mp4_says_what_to_install(hard, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    with pytest.raises(GpudemError, match="pip install imageio-ffmpeg"):
+    with pytest.raises(GpudemError, match=r"pip install .gpudem\[video\]"):
         animate.animate(hard, tmp_path / "film.mp4")
 
 

@@ -56,6 +56,7 @@ def test_memory_a_particle():
     assert line["and [MiB]"] == pytest.approx(256)
 
 
+@pytest.mark.long
 def test_moved_bytes_of_a_known_bed():
     """Catches an array left out of the count or counted twice."""
     simulation = Solver(bench_scene("settled", 1000, 20), threads=1)
@@ -78,6 +79,7 @@ def test_beds_below_and_above_one():
         bench_scene("settled", 7000, 1)
 
 
+@pytest.mark.long
 def test_measures_and_writes(tmp_path):
     out = tmp_path / "bench.json"
     arguments = "--sizes 1000 --cores 1 --repeats 1 --beds flowing --precision mixed --budget 1e5"

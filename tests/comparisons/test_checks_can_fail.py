@@ -14,6 +14,8 @@ from comparisons.cases import head_on, oblique, slide_to_roll, wall_restitution
 from gpudem import driver
 from gpudem.scene import Scene
 
+pytestmark = pytest.mark.cases
+
 
 def softer(scene: Scene) -> Scene:
     return scene.replace(

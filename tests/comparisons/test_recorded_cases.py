@@ -13,6 +13,8 @@ from gpudem.errors import GpudemError
 from tests.comparisons import fake
 from tests.comparisons.test_report import Page
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture
 def kept(tmp_path, monkeypatch, fake_codes, capsys):

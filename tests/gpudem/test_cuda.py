@@ -21,6 +21,8 @@ from tests.gpudem.on_cpu import RUNS, SCENES, apart, columns, kept, less_precise
 from tests.gpudem.test_failures import escaping
 from tests.gpudem.test_neighbor_list import layers
 
+pytestmark = pytest.mark.long
+
 CPU = pytest.mark.skipif(not wp.is_cpu_available(), reason="no compiler for the CPU")
 REHEARSED = {"device": "cpu", "threads": 1, "half_list": False, "chunk": 32, "rebuild_in_graph": True}
 DEVICES = pytest.mark.parametrize(
@@ -132,6 +134,7 @@ def test_output_of_a_run(device, tmp_path):
 
 
 @pytest.mark.gpu
+@pytest.mark.timing
 @pytest.mark.parametrize(("precision", "least"), [("mixed", 1e9), ("float64", 5e8)])
 def test_rate_of_a_large_flowing_bed(precision, least):
     """A million balls with shear history, on a device as fast as an H100. Catches a host that is asked

@@ -18,7 +18,10 @@ EVERYTHING = {
     "periodic": (True,) * 3,
 }
 
-pytestmark = pytest.mark.skipif(find_ptxas() is None, reason="no ptxas (pip install nvidia-cuda-nvcc)")
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(find_ptxas() is None, reason="no ptxas (pip install 'gpudem[registers]')"),
+]
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,8 @@ import pytest
 from comparisons import specialised
 from gpudem.driver import simulate as run
 
+pytestmark = pytest.mark.long
+
 STEPS = 60
 
 

@@ -55,7 +55,7 @@ def test_chosen_columns_have_the_values_of_the_default_ones(tmp_path):
     assert some.history.largest_speed.tolist() == speeds
     assert min(speeds) > 0.1
     assert Run.load(tmp_path / "b").history.equals(some.history)  # type: ignore[union-attr]
-    assert some.warnings == []
+    assert not [w for w in some.warnings if "energy" in w]
 
 
 def test_momentum():

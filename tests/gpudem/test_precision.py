@@ -12,6 +12,8 @@ from tests.gpudem.beds import gas
 from tests.reference.emulator import emulate
 from tests.reference.scenes import AGREEMENT
 
+pytestmark = pytest.mark.long
+
 COLUMNS = ("position", "velocity", "angular_velocity")
 
 

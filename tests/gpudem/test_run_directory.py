@@ -152,6 +152,24 @@ def test_the_radius_that_was_run(stated, tmp_path):
     assert back.state.radius.tolist() == one.state.radius.tolist()
 
 
+def test_the_materials_that_were_run(tmp_path):
+    """Balls of two materials from one file: the folder gives each its own, without the file."""
+    columns = {
+        "position": [[0.05, 0.02, 0.1], [0.06, 0.02, 0.1]],
+        "radius": [0.003, 0.002],
+        "material": [1, 0],
+    }
+    np.savez(tmp_path / "p.npz", **columns)
+    pairs = [{"materials": pair} for pair in (("ball", "ball"), ("ball", "wall"), ("wall", "wall"))]
+    one = scene(particles={"source": "file", "path": str(tmp_path / "p.npz")}, pairs=pairs)
+    directory.begin(tmp_path / "run", one)
+    (tmp_path / "p.npz").unlink()
+    back = directory.load_scene(tmp_path / "run")
+    assert back.state.material.tolist() == [1, 0]
+    assert back.hash == one.hash
+    assert back == one
+
+
 # -- hashes are compared -------------------------------------------------------------------------------------
 
 

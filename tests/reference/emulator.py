@@ -17,7 +17,66 @@ import math
 
 import numpy as np
 
-from gpudem.scene import Pair, Plane, Scene
+from gpudem.scene import Pair, Scene
+
+
+@dataclasses.dataclass(frozen=True)
+class Flat:
+    """A plane wall as the scene file states it, or one side of a box."""
+
+    name: str
+    material: str
+    point: np.ndarray
+    normal: np.ndarray
+    """Of length one, towards the particles."""
+    last: float
+    """Last step [1] in which it is there; infinite for a wall that stays."""
+
+
+def flats(scene: Scene) -> list[Flat]:
+    """All walls of a scene from its primary inputs: boxes side by side, gates by the nearest step."""
+    found = []
+    for wall in scene.walls:
+        facts = wall.model_dump()
+        if facts["kind"] == "plane":
+            normal = np.array(facts["normal"]) / np.linalg.norm(facts["normal"])
+            last = math.inf if facts["removed_at"] is None else np.rint(facts["removed_at"] / scene.time.step)
+            found.append(
+                Flat(facts["name"], facts["material"], np.array(facts["point"]), normal, float(last))
+            )
+            continue
+        for side in facts["sides"]:
+            axis, low = "xyz".index(side[0]), side[1:] == "lo"
+            corner = (facts["lo"] or scene.domain.lo) if low else (facts["hi"] or scene.domain.hi)
+            unit = np.eye(3)[axis]
+            point, normal = corner[axis] * unit, unit if low else -unit
+            found.append(Flat(f"{facts['name']}_{side}", facts["material"], point, normal, math.inf))
+    return found
+
+
+def steps_and_stride(scene: Scene) -> tuple[int, int]:
+    """(steps of the run, steps between rows of the trace) from times and the step alone."""
+
+    def nearest(seconds: float) -> int:
+        return int(np.rint(seconds / scene.time.step))
+
+    frames, trace = scene.output.frames_every, scene.output.trace_every
+    total = max(1, nearest(scene.time.duration))
+    if frames:
+        whole = max(1, nearest(frames))
+        total = -(-total // whole) * whole
+    return total, max(1, nearest(trace)) if trace else 1
+
+
+def any_pair_with(scene: Scene, name: str) -> bool:
+    """Whether a pair of materials that can meet in this scene has a property above 0."""
+    names = list(scene.materials)
+    balls = {names[k] for k in scene.state.material.tolist()}
+    others = balls | {flat.material for flat in flats(scene)}
+    return any(
+        getattr(p, name) > 0 and any(a in balls and b in others for a, b in (p.materials, p.materials[::-1]))
+        for p in scene.pairs
+    )
 
 
 @dataclasses.dataclass
@@ -27,7 +86,7 @@ class Contacts:
     i: np.ndarray
     j: np.ndarray | None
     """Second sphere; None for a plane."""
-    plane: Plane | None
+    plane: Flat | None
     mass: np.ndarray
     """Effective mass m* [kg]; a wall's is infinite."""
     radius: np.ndarray
@@ -40,6 +99,8 @@ class Contacts:
     """Tangential displacement s of i against j [m], shape (rows, 3)."""
     rolling: np.ndarray
     """Rolling torque kept by `epsd2` [N m], shape (rows, 3)."""
+    frictional: bool
+    """Whether the tangential law acts at all: one pair that can meet in the scene has friction."""
 
     def of(self, name: str) -> np.ndarray:
         """A pair property, one value per row."""
@@ -55,29 +116,31 @@ def emulate(scene: Scene) -> dict[str, np.ndarray]:
     x, v, w = state.position.copy(), state.velocity.copy(), state.angular_velocity.copy()
     m = _mass(scene)[:, None]
     inertia = 0.4 * m * state.radius[:, None] ** 2
-    spheres, walls = _sphere_contacts(scene), {p.name: _wall_contacts(scene, p) for p in scene.planes}
-    stride = scene.stride(scene.output.trace_every) or 1
+    spheres, planes = _sphere_contacts(scene), flats(scene)
+    walls = {p.name: _wall_contacts(scene, p) for p in planes}
+    total, stride = steps_and_stride(scene)
     rows = []
 
-    def forces(planes: list[Plane], update: bool) -> tuple[np.ndarray, np.ndarray]:
+    def forces(step: float, update: bool) -> tuple[np.ndarray, np.ndarray]:
         f, t = np.zeros_like(x), np.zeros_like(x)
-        for contacts in [spheres, *(walls[p.name] for p in planes)]:
+        for contacts in [spheres, *(walls[p.name] for p in planes if p.last >= step)]:
             _add_contacts(scene, contacts, x, v, w, f, t, update)
         return f + m * np.array(scene.gravity), t
 
-    for first, last, planes in scene.segments:
-        f, t = forces(planes, update=False)  # set-up: full-step velocities, springs left alone
-        if first == 0:
-            rows.append((0, x.copy(), v.copy(), w.copy(), f, t))
-        for step in range(first + 1, last + 1):
-            v += dt / (2 * m) * f
-            w += dt / (2 * inertia) * t
-            x += dt * v
-            f, t = forces(planes, update=True)
-            v += dt / (2 * m) * f
-            w += dt / (2 * inertia) * t
-            if step % stride == 0:
-                rows.append((step, x.copy(), v.copy(), w.copy(), f, t))
+    # set-up: full-step velocities, springs left alone; at the start and where a gate has gone
+    f, t = forces(0.5, update=False)
+    rows.append((0, x.copy(), v.copy(), w.copy(), f, t))
+    for step in range(1, total + 1):
+        v += dt / (2 * m) * f
+        w += dt / (2 * inertia) * t
+        x += dt * v
+        f, t = forces(step, update=True)
+        v += dt / (2 * m) * f
+        w += dt / (2 * inertia) * t
+        if step % stride == 0:
+            rows.append((step, x.copy(), v.copy(), w.copy(), f, t))
+        if any(p.last == step for p in planes):
+            f, t = forces(step + 0.5, update=False)
     steps = np.array([row[0] for row in rows])
     names = ("position", "velocity", "angular_velocity", "force", "torque")
     trace = {name: np.array([row[1 + k] for row in rows]) for k, name in enumerate(names)}
@@ -91,7 +154,7 @@ def _mass(scene: Scene) -> np.ndarray:
     return density * 4 / 3 * math.pi * scene.state.radius**3
 
 
-def _contacts(scene: Scene, i, j, plane: Plane | None) -> Contacts:
+def _contacts(scene: Scene, i, j, plane: Flat | None) -> Contacts:
     names, materials, state, mass = (
         list(scene.materials),
         list(scene.materials.values()),
@@ -108,6 +171,7 @@ def _contacts(scene: Scene, i, j, plane: Plane | None) -> Contacts:
         shear=1 / (2 * (2 - nu[a]) * (1 + nu[a]) / e[a] + 2 * (2 - nu[b]) * (1 + nu[b]) / e[b]),
         pair=[scene.pair(names[p], names[q]) for p, q in zip(a, b, strict=True)],
         spring=np.zeros((len(i), 3)), rolling=np.zeros((len(i), 3)),
+        frictional=scene.contact.tangential != "off" and any_pair_with(scene, "friction"),
     )  # fmt: skip
 
 
@@ -115,7 +179,7 @@ def _sphere_contacts(scene: Scene) -> Contacts:
     return _contacts(scene, *np.triu_indices(len(scene.state), 1), None)
 
 
-def _wall_contacts(scene: Scene, plane: Plane) -> Contacts:
+def _wall_contacts(scene: Scene, plane: Flat) -> Contacts:
     return _contacts(scene, np.arange(len(scene.state)), None, plane)
 
 
@@ -147,8 +211,8 @@ def _geometry(scene: Scene, c: Contacts, x: np.ndarray) -> tuple[np.ndarray, np.
     """Normal from j (or the plane) to i, and overlap [m], of every row."""
     radius = scene.state.radius
     if c.plane is not None:
-        normal = np.array(c.plane.normal)
-        return np.tile(normal, (len(c.i), 1)), radius[c.i] - (x[c.i] - np.array(c.plane.point)) @ normal
+        normal = c.plane.normal
+        return np.tile(normal, (len(c.i), 1)), radius[c.i] - (x[c.i] - c.plane.point) @ normal
     d = x[c.i] - x[c.j]
     size = np.array(scene.domain.hi) - np.array(scene.domain.lo)
     d = d - np.where(scene.domain.periodic, size * np.round(d / size), 0.0)
@@ -196,7 +260,7 @@ def _add_contacts(scene: Scene, c: Contacts, x, v, w, f, t, update: bool) -> Non
 
 def _tangential(scene, c, touching, n, vt, kt, ct, limit, update: bool) -> np.ndarray:
     """Tangential force on i [N]; `limit` = mu |Fn|."""
-    if not scene.needs.tangential:
+    if not c.frictional:
         return np.zeros_like(vt)
     if scene.contact.tangential == "no_history":
         speed = np.sqrt(_dot(vt, vt))
@@ -222,7 +286,7 @@ def _tangential(scene, c, touching, n, vt, kt, ct, limit, update: bool) -> np.nd
 
 def _rolling(scene, c, touching, n, elastic, spin) -> np.ndarray:
     """Constant-torque rolling resistance [N m] against the relative spin, without its part along n."""
-    if not scene.needs.rolling:
+    if scene.contact.rolling == "off":
         return np.zeros_like(spin)
     size = np.sqrt(_dot(spin, spin))
     magnitude = (c.of("rolling_friction") * c.radius)[touching] * elastic
@@ -232,8 +296,6 @@ def _rolling(scene, c, touching, n, elastic, spin) -> np.ndarray:
 
 def _rolling_spring(scene, c, touching, n, kt, load, spin, update: bool) -> np.ndarray:
     """Elastic-plastic rolling resistance [N m] (`epsd2`): a spring of torque, cut at mu_r |Fn| R*."""
-    if not scene.needs.rolling:
-        return np.zeros_like(spin)
     radius, torque = c.radius[touching], c.rolling[touching]
     turn = (spin - _dot(spin, n)[:, None] * n) * scene.time.step
     torque = torque + (kt * radius**2)[:, None] * turn  # at set-up too, but then it is not kept

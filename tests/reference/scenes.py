@@ -180,9 +180,14 @@ AGREEMENT = {
     "hooke_wall": lambda: wall_bounce(
         name="hooke_wall", contact={"normal": "hooke", "characteristic_velocity": 0.5}
     ),
-    "stiffness": lambda: two_spheres(name="stiffness", contact={"normal": "hertz/stiffness"}, pair=STIFFNESS),
+    "stiffness": lambda: two_spheres(
+        name="stiffness", contact={"normal": "hertz/stiffness"}, pair={**STIFFNESS, "restitution": 1.0}
+    ),
     "stiffness_wall": lambda: wall_bounce(
-        name="stiffness_wall", contact={"normal": "hertz/stiffness"}, pair=STIFFNESS, wall_pair=STIFFNESS
+        name="stiffness_wall",
+        contact={"normal": "hertz/stiffness"},
+        pair={**STIFFNESS, "restitution": 1.0},
+        wall_pair={**STIFFNESS, "restitution": 1.0},
     ),
     "no_history": lambda: two_spheres(name="no_history", contact={"tangential": "no_history"}),
     "no_history_wall": lambda: wall_bounce(name="no_history_wall", contact={"tangential": "no_history"}),

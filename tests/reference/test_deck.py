@@ -117,9 +117,16 @@ def test_data_round_trip_is_exact():
     assert np.array_equal(velocities[:, 4:], s.state.angular_velocity)
 
 
-def test_tilted_plane_is_refused_by_name():
+@pytest.mark.parametrize("tilt", [0.1, 1e-4, 1e-9, 1e-11, -1e-11])
+def test_tilted_plane_is_refused_by_name(tilt):
+    """However small: 1 + tilt^2 rounds to 1, and the deck would take the first axis that is not 0."""
     with pytest.raises(LiggghtsCannotState, match=r"walls\.slope: normal"):
-        render(wall_bounce(walls=[{**FLOOR, "name": "slope", "normal": (0.1, 0, 1)}]))
+        render(wall_bounce(walls=[{**FLOOR, "name": "slope", "normal": (tilt, 0, 1)}]))
+
+
+@pytest.mark.parametrize("normal", [(6e-17, 0, 1), (0, -1.8e-16, 1), (0, 0, 0.3), (3e-14, 0, 1e2)])
+def test_rounding_of_a_normal_is_no_tilt(normal):
+    assert render(wall_bounce(walls=[{**FLOOR, "normal": normal}])).text == render(wall_bounce()).text
 
 
 def test_low_restitution_is_refused_by_name():

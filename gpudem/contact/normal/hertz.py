@@ -20,7 +20,7 @@ def hertz(c: Any, p: Any):
     Source: Tsuji, Tanaka & Ishida, Powder Technol. 71 (1992) 239; Antypov & Elliott, EPL 94 (2011) 50004.
     """
     q = wp.sqrt(c.radius_eff * c.overlap)
-    d = wp.sqrt(q * c.mass_eff)
+    d = wp.sqrt(q * c.mass_eff)  # mutate: hertz_damping_root
     return p.k_normal * q, p.k_tangential * q, p.c_normal * d, p.c_tangential * d
 
 
@@ -28,7 +28,7 @@ def hertz(c: Any, p: Any):
 def hertz_damping_integral(c: Any, p: Any, overlap: Any):
     """Integral of c_n over the overlap from 0 [N s]: 4/5 c_n overlap."""
     q = wp.sqrt(c.radius_eff * overlap)
-    return type(overlap)(0.8) * p.c_normal * wp.sqrt(q * c.mass_eff) * overlap
+    return type(overlap)(0.8) * p.c_normal * wp.sqrt(q * c.mass_eff) * overlap  # mutate: hertz_damping_work
 
 
 class Hertz(NormalLaw):
@@ -47,7 +47,8 @@ class Hertz(NormalLaw):
 
     def coefficients_of(self, inputs: PairInputs) -> dict[str, float]:  # noqa: D102
         e_eff, g_eff = young_eff(inputs.a, inputs.b), shear_eff(inputs.a, inputs.b)
-        c = 2 * math.sqrt(5 / 6) * damping_ratio(inputs.pair.restitution)
+        c = 2 * math.sqrt(5 / 6) * damping_ratio(inputs.pair.restitution)  # mutate: hertz_damping
+        # mutate: hertz_constants
         values = (4 / 3 * e_eff, 8 * g_eff, c * math.sqrt(2 * e_eff), c * math.sqrt(8 * g_eff))
         return dict(zip(self.coefficients, values, strict=True))
 

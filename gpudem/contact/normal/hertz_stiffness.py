@@ -17,7 +17,7 @@ CONSTANTS = ("kn", "kt", "gamma_n", "gamma_t")
 def hertz_stiffness(c: Any, p: Any):
     """Q = sqrt(R* overlap);  k_n = kn q,  k_t = kt q,  c_n = gamma_n m* q,  c_t = gamma_t m* q."""
     q = wp.sqrt(c.radius_eff * c.overlap)
-    d = q * c.mass_eff
+    d = q * c.mass_eff  # mutate: hertz_stiffness_damping
     return p.k_normal * q, p.k_tangential * q, p.c_normal * d, p.c_tangential * d
 
 
@@ -25,7 +25,7 @@ def hertz_stiffness(c: Any, p: Any):
 def hertz_stiffness_damping_integral(c: Any, p: Any, overlap: Any):
     """Integral of c_n over the overlap from 0 [N s]: 2/3 c_n overlap."""
     q = wp.sqrt(c.radius_eff * overlap)
-    return p.c_normal * q * c.mass_eff * overlap / type(overlap)(1.5)
+    return p.c_normal * q * c.mass_eff * overlap / type(overlap)(1.5)  # mutate: hertz_stiffness_damping_work
 
 
 def rebound(damping: float) -> float:

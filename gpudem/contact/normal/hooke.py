@@ -18,6 +18,7 @@ def hooke(c: Any, p: Any):
 
     The contact time does not depend on the impact speed.
     """
+    # mutate: hooke_stiffness
     k = p.k_normal * wp.pow(c.radius_eff, type(c.overlap)(0.4)) * wp.pow(c.mass_eff, type(c.overlap)(0.2))
     d = wp.sqrt(c.mass_eff * k)
     return k, k, p.c_normal * d, p.c_tangential * d
@@ -27,7 +28,7 @@ def hooke(c: Any, p: Any):
 def hooke_damping_integral(c: Any, p: Any, overlap: Any):
     """Integral of c_n over the overlap from 0 [N s]: c_n overlap."""
     _kn, _kt, cn, _ct = hooke(c, p)
-    return cn * overlap
+    return cn * overlap  # mutate: hooke_damping_work
 
 
 class Hooke(NormalLaw):

@@ -17,7 +17,7 @@ def cdt(c: Any, p: Any, kn: Any, kt: Any, fn: Any, last: Any, dt: Any):
     speed = wp.length(c.spin)
     if speed > type(speed)(0.0):
         torque = (p.rolling_friction * kn * c.overlap * c.radius_eff / speed) * c.spin
-        return torque - wp.dot(torque, c.normal) * c.normal
+        return torque - wp.dot(torque, c.normal) * c.normal  # mutate: cdt_projection
     return type(c.normal)()
 
 

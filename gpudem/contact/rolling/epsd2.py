@@ -18,12 +18,12 @@ def epsd2(c: Any, p: Any, kn: Any, kt: Any, fn: Any, last: Any, dt: Any):
     it grows by a step as in any other, but is not stored: so does LIGGGHTS.
     Source: Iwashita & Oda, J. Eng. Mech. 124 (1998) 285; Ai, Chen, Rotter & Ooi (2011), model C.
     """
-    spin = c.spin - wp.dot(c.spin, c.normal) * c.normal
-    torque = last + (kt * c.radius_eff * c.radius_eff * dt) * spin
+    spin = c.spin - wp.dot(c.spin, c.normal) * c.normal  # mutate: rolling_projection
+    torque = last + (kt * c.radius_eff * c.radius_eff * dt) * spin  # mutate: rolling_stiffness
     limit = p.rolling_friction * wp.abs(fn) * c.radius_eff
     squared = wp.dot(torque, torque)
     if squared > limit * limit:
-        return (limit / wp.sqrt(squared)) * torque
+        return (limit / wp.sqrt(squared)) * torque  # mutate: rolling_limit
     return torque
 
 

@@ -19,13 +19,13 @@ def history(c: Any, p: Any, kt: Any, ct: Any, fn: Any, spring: Any):
     Source: LIGGGHTS manual, gran_tangential_history; Cundall & Strack, Geotechnique 29 (1979) 47.
     """
     s = spring + c.slide
-    s = s - wp.dot(s, c.normal) * c.normal
-    limit = p.friction * wp.abs(fn)
+    s = s - wp.dot(s, c.normal) * c.normal  # mutate: spring_projection
+    limit = p.friction * wp.abs(fn)  # mutate: coulomb_limit
     trial_squared = kt * kt * wp.dot(s, s)
     if trial_squared > limit * limit:
-        slipped = (limit / wp.sqrt(trial_squared)) * s
-        return -kt * slipped, slipped
-    return -kt * s - ct * c.tangential_velocity, s
+        slipped = (limit / wp.sqrt(trial_squared)) * s  # mutate: slipped_spring
+        return -kt * slipped, slipped  # mutate: slip
+    return -kt * s - ct * c.tangential_velocity, s  # mutate: stick
 
 
 class History(TangentialLaw):

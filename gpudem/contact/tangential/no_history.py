@@ -13,7 +13,7 @@ def no_history(c: Any, p: Any, kt: Any, ct: Any, fn: Any, spring: Any):
     speed = wp.length(c.tangential_velocity)
     coefficient = ct
     limit = p.friction * wp.abs(fn)
-    if ct * speed > limit:
+    if ct * speed > limit:  # mutate: viscous_limit
         coefficient = limit / speed
     return -coefficient * c.tangential_velocity, spring
 

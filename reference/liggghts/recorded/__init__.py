@@ -12,7 +12,7 @@ import numpy as np
 from gpudem.output import observables
 from gpudem.output.frames import FrameWriter
 from gpudem.run import HISTORY_COLUMNS, Run, Timing
-from gpudem.scene import Scene
+from gpudem.scene import Scene, checks
 
 FOLDER = Path(__file__).parent
 
@@ -74,7 +74,7 @@ def recall(key: str, scene: Scene, directory: Path, folder: Path = FOLDER) -> Ru
         history, left_out = observables.select(table, scene.output.history, "LIGGGHTS")
     run = Run(
         "liggghts", facts["version"], scene, directory, timing,
-        warnings=[*facts["warnings"], *left_out, warning],
+        warnings=list(dict.fromkeys([*checks.warnings(scene), *facts["warnings"], *left_out, warning])),
         notes={"deck_hash": key, "ranks": facts["ranks"], "recorded": True, "provenance": facts},
         trace=parts["trace"] or None,
         history=history,

@@ -1,0 +1,239 @@
+"""Warnings of a valid scene: settings without effect, rounded and extended times, a scene that cannot move.
+
+Each function reads a scene and returns sentences, each naming key, value and reason. A value at its default
+is no setting: a scene does not record whether it was stated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gpudem.contact import registry
+from gpudem.scene.sections import FromFile, Lattice
+from gpudem.scene.time_step import step_for
+
+if TYPE_CHECKING:
+    from gpudem.scene.model import Scene
+    from gpudem.scene.sections import Pair, Wall
+
+#: Rounding to whole steps that changes a time by more than this share is warned of.
+ROUNDING = 1e-2
+#: So is an extension to whole frames by more than half a step and this share.
+EXTENSION = 1e-3
+#: Bytes of a frame for each particle.
+FRAME_BYTES = 150
+#: Frames above this size [bytes] are warned of.
+MANY_BYTES = 2e9
+
+
+# -- settings without effect ---------------------------------------------------------------------------------
+
+
+def without_effect(scene: Scene) -> list[str]:
+    """Settings that nothing in this scene reads, or that cannot act in it."""
+    checks = (_materials, _pairs, _contact, _particles, _solver)
+    return [sentence for check in checks for sentence in check(scene)]
+
+
+def _materials(scene: Scene) -> Iterator[str]:
+    used = {*scene.particle_materials, *(wall.material for wall in scene.walls)}
+    for name in scene.materials:
+        if name not in used:
+            yield f"materials.{name}: no effect, nor have its pairs: no particle and no wall is made of it"
+
+
+def _read_by_laws(scene: Scene) -> set[str]:
+    """The fields of pairs and of the contact that the laws of the scene read."""
+    laws = [registry.find(slot, getattr(scene.contact, slot)) for slot in registry.SLOTS]
+    return {key for law in laws if law is not None for key in law.reads}
+
+
+#: Key of a pair -> the slot of the laws that may read it; all others belong to the normal law.
+_SLOT = {"friction": "tangential", "rolling_friction": "rolling"}
+
+
+def _pairs(scene: Scene) -> Iterator[str]:
+    """Of the pairs that can touch, one sentence a reason; pairs of walls only complete the table."""
+    read = _read_by_laws(scene)
+    unread: dict[tuple[tuple[str, ...], str], list[Pair]] = {}
+    for pair in scene.contact_pairs:
+        for keys, reason in _unread(scene, pair, read):
+            unread.setdefault((keys, reason), []).append(pair)
+    for (keys, reason), pairs in unread.items():
+        names = ", ".join(" / ".join(pair.materials) for pair in pairs[:3])
+        if len(pairs) == 1:
+            stated = ", ".join(f"{key} = {getattr(pairs[0], key):g}" for key in keys)
+            yield f"pairs {names}: {stated}: no effect {reason}"
+        else:
+            more = f" and {len(pairs) - 3} more" if len(pairs) > 3 else ""
+            yield f"pairs {names}{more}: {', '.join(keys)}: no effect {reason}"
+
+
+def _unread(scene: Scene, pair: Pair, read: set[str]) -> Iterator[tuple[tuple[str, ...], str]]:
+    """(keys, why) of the properties of one pair that do not act in its contacts."""
+    unread: dict[str, list[str]] = {}
+    for key, field in type(pair).model_fields.items():
+        if key != "materials" and getattr(pair, key) != field.default and key not in read:
+            unread.setdefault(_SLOT.get(key, "normal"), []).append(key)
+    for slot, keys in unread.items():
+        yield tuple(keys), f"with contact.{slot} = {getattr(scene.contact, slot)!r}"
+    if pair.friction > 0 and "friction" in read:
+        reason = _no_tangential_force(scene, pair)
+        if reason:
+            yield ("friction",), reason
+
+
+def _no_tangential_force(scene: Scene, pair: Pair) -> str:
+    """Why a pair with friction has no tangential force; empty where it has one."""
+    law = scene.contact.tangential
+    constants = scene.normal_law.coefficients_of(scene.inputs(*pair.materials))
+    damped = scene.contact.tangential_damping and constants["c_tangential"] > 0
+    sprung = law == "history" and constants["k_tangential"] > 0
+    if damped or sprung or law not in ("history", "no_history"):
+        return ""
+    if law == "history":
+        return "without tangential stiffness and damping"
+    why = "restitution = 1" if "restitution" in scene.normal_law.reads else "gamma_t = 0"
+    if not scene.contact.tangential_damping:
+        why = "contact.tangential_damping = false"
+    return f"with contact.tangential = 'no_history', a dashpot, which is zero with {why}"
+
+
+def _contact(scene: Scene) -> Iterator[str]:
+    contact, needs, read = scene.contact, scene.needs, _read_by_laws(scene)
+    frictionless = not any(pair.friction > 0 for pair in scene.contact_pairs)
+    if "rolling_friction" in read and not needs.rolling:
+        yield f"contact.rolling = {contact.rolling!r}: no effect, no pair has rolling_friction"
+    if contact.limit_force and not needs.damping and scene.contact_range == 0:
+        yield "contact.limit_force = true: no effect, a normal force without damping does not attract"
+    if not contact.tangential_damping and (frictionless or "tangential_damping" not in read):
+        reason = "no pair has friction" if frictionless else f"contact.tangential = {contact.tangential!r}"
+        yield f"contact.tangential_damping = false: no effect, {reason}"
+    if contact.characteristic_velocity is not None and "characteristic_velocity" not in read:
+        yield (
+            f"contact.characteristic_velocity = {contact.characteristic_velocity:g} m/s: no effect with"
+            f" contact.normal = {contact.normal!r}"
+        )
+
+
+def _particles(scene: Scene) -> Iterator[str]:
+    particles = scene.particles
+    if isinstance(particles, FromFile):
+        yield from scene.particle_file.warnings
+    if not isinstance(particles, Lattice):
+        return
+    shifted = particles.jitter > 0 and particles.spacing > 1
+    if particles.jitter > 0 and not shifted:
+        yield (
+            f"particles.jitter = {particles.jitter:g}: no effect with spacing = 1, which leaves no gap;"
+            " state jitter = 0"
+        )
+    mixed = isinstance(particles.radius, tuple)
+    if particles.seed and not (shifted or mixed or particles.velocity_rms):
+        yield (
+            f"particles.seed = {particles.seed}: no effect, nothing is random without jitter, mixture or"
+            " velocity_rms"
+        )
+    if isinstance(particles.radius, tuple):
+        drawn = set(np.unique(scene.state.radius).tolist())
+        for k, part in enumerate(particles.radius):
+            if part.radius not in drawn:
+                yield (
+                    f"particles.radius[{k}] = {part.radius:g} m:"
+                    f" none of the {particles.count} particles has it; its share is {part.share:g}"
+                )
+
+
+def _solver(scene: Scene) -> Iterator[str]:
+    accuracy = scene.time.accuracy
+    if accuracy is not None:
+        automatic = step_for(scene, accuracy)
+        if abs(scene.time.step - automatic) > 1e-9 * automatic:
+            yield (
+                f"time.accuracy = {accuracy:g}: no effect beside time.step = {scene.time.step:g} s;"
+                f" step = 'auto' would give {automatic:.3g} s"
+            )
+    if scene.solver.integrator == "path" and not (scene.needs.damping or scene.needs.tangential):
+        yield "solver.integrator = 'path': no effect, without damping and friction it is 'half_step'"
+
+
+# -- rounded and extended times ------------------------------------------------------------------------------
+
+
+def rounded_times(scene: Scene) -> list[str]:
+    """Times of the run that differ from those stated: rounded to whole steps, extended, never reached."""
+    return [
+        *_duration(scene),
+        *_intervals(scene),
+        *(s for wall in scene.wall_elements for s in _gate(scene, wall)),
+    ]
+
+
+def _duration(scene: Scene) -> Iterator[str]:
+    stated, actual = scene.time.duration, scene.n_steps * scene.time.step
+    extended = actual - stated > max(0.5 * scene.time.step, EXTENSION * stated)
+    if scene.output.frames_every is not None and extended:
+        frame = scene.frame_stride * scene.time.step
+        yield (
+            f"time.duration = {stated:g} s: the run takes {actual:.6g} s, extended to whole frames, one every"
+            f" {frame:.6g} s"
+        )
+    elif abs(actual - stated) > ROUNDING * stated:
+        yield f"time.duration = {stated:g} s: the run takes {actual:.6g} s, rounded to whole steps"
+
+
+def _intervals(scene: Scene) -> Iterator[str]:
+    end = scene.n_steps * scene.time.step
+    for name, text in _NEVER.items():
+        stated = getattr(scene.output, name)
+        stride = scene.stride(stated)
+        if stated is None or stride is None:
+            continue
+        actual = stride * scene.time.step
+        if abs(actual - stated) > ROUNDING * stated:
+            steps = "1 step" if stride == 1 else f"{stride} steps"
+            yield f"output.{name} = {stated:g} s: rounded to {steps}, {actual:.6g} s"
+        if text and stride >= scene.n_steps + (name != "restart_every"):
+            yield f"output.{name} = {stated:g} s: {text}, the run takes {end:.6g} s"
+
+
+#: Interval -> what happens where it is not shorter than the run (that of frames extends the run).
+_NEVER = {
+    "frames_every": "",
+    "trace_every": "only the start is recorded",
+    "history_every": "only the start is recorded",
+    "restart_every": "no restart file is written",
+}
+
+
+def _gate(scene: Scene, wall: Wall) -> Iterator[str]:
+    if wall.removed_at is None:
+        return
+    key, step = f"walls: {wall.name}.removed_at = {wall.removed_at:g} s", scene.steps(wall.removed_at)
+    if step == 0:
+        yield f"{key}: less than half a time step; the wall is never there"
+    elif step >= scene.n_steps:
+        yield f"{key}: the run takes {scene.n_steps * scene.time.step:.6g} s; the wall is never removed"
+    elif abs(step * scene.time.step - wall.removed_at) > ROUNDING * wall.removed_at:
+        yield f"{key}: rounded to step {step}, {step * scene.time.step:.6g} s"
+
+
+# -- what else deserves a second look ------------------------------------------------------------------------
+
+
+def unexpected(scene: Scene) -> list[str]:
+    """A scene in which nothing moves, or everything leaves, or whose frames fill the disk."""
+    found = []
+    state, needs = scene.state, scene.needs
+    moved = needs.gravity or needs.vibration or state.velocity.any() or state.angular_velocity.any()
+    if not moved and not {"overlap", "large_overlap"} & set(scene.allow):
+        found.append("no gravity and no start velocity: nothing moves unless particles overlap")
+    if needs.gravity and not scene.walls and not needs.periodic:
+        found.append("gravity and no wall: particles leave the domain, which ends the run")
+    size = scene.n_steps // scene.frame_stride * len(state) * FRAME_BYTES
+    if size > MANY_BYTES:
+        found.append(f"output.frames_every: the frames take about {size / 1e9:.1f} GB")
+    return found
