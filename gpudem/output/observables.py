@@ -142,7 +142,7 @@ def select(history: pandas.DataFrame, names: Sequence[str] | None, code: str) ->
 @observable("kinetic_energy", "J")
 def kinetic_energy(view: View) -> float:
     """Of translation: sum of 1/2 m v^2."""
-    return 0.5 * view.sum("velocity", weight="mass", squared=True)  # mutate: kinetic_energy
+    return 0.5 * view.sum("velocity", weight="mass", squared=True)
 
 
 @observable("rotational_energy", "J")
@@ -153,7 +153,7 @@ def rotational_energy(view: View) -> float:
 
 def _centre(view: View) -> np.ndarray:
     """Centre of mass [m]; it follows particles through periodic sides."""
-    return view.sum("unwrapped_position", weight="mass") / view.total("mass")  # mutate: centre_of_mass
+    return view.sum("unwrapped_position", weight="mass") / view.total("mass")
 
 
 @observable("potential_energy", "J")

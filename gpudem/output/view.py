@@ -141,7 +141,9 @@ class View:
 
     def _sum(self, name: str, weight: str, squared: bool) -> Any:
         values, weights = self.numpy(name), self.numpy(weight)
-        return float(weights @ (values**2).sum(axis=1)) if squared else weights @ values
+        if squared:
+            return float(weights @ (values**2).sum(axis=1))  # mutate: weighted_squares
+        return weights @ values  # mutate: weighted_sum
 
     def _extreme(self, name: str, sign: int) -> Any:
         values = self.numpy(name)
