@@ -19,6 +19,7 @@ from gpudem.output.run import Run, Timing, conclude
 from gpudem.output.view import DeviceView, View
 from gpudem.process import peak_memory, version
 from gpudem.scene import Scene, checks
+from gpudem.simulation import Simulation
 from gpudem.solver import guards
 from gpudem.solver.solver import Solver
 
@@ -54,7 +55,7 @@ def simulate(
         specialize: False: carry what any scene may have, though this one does not need it: slower, to measure
             what specialisation saves.
         progress: Called with the number of steps done, a few times a second.
-        hooks: Functions called every so often (`gpudem.every`) with the object that advances the run.
+        hooks: Functions called every so often (`gpudem.every`) with the run's `gpudem.Simulation`.
 
     Returns:
         The run; on Ctrl-C what there is so far is saved first, then KeyboardInterrupt goes on.
@@ -188,6 +189,7 @@ class _Output:
     ):
         self.simulation, self.recorder, self.timer, self.path = simulation, recorder, timer, path
         self.hooks = [(hook.stride(simulation.scene), hook.action) for hook in hooks]
+        self._public = Simulation.of_solver(simulation)
         self._device_arrays: dict[str, Any] = {}
 
     def next_after(self, step: int) -> int:
@@ -204,19 +206,25 @@ class _Output:
                 self.recorder.record(view)
 
     def view(self, step: int) -> View:
-        """The state at full-step velocities; where the solver reads columns on its device, reduced there."""
+        """The state at full-step velocities; on a CUDA device it is reduced there."""
         sim = self.simulation
-        read = getattr(sim, "read", None)
-        if sim.device.is_cuda and read is not None:
-            return DeviceView(sim.scene, step, read, self._device_arrays, sim.contact_count, sim.wall_work)
+        if sim.device.is_cuda:
+            scalars = self._device_arrays
+            return DeviceView(sim.scene, step, self._read, scalars, sim.contact_count, sim.wall_work)
         return View(sim.scene, step, sim.column, sim.contact_count, sim.wall_work)
+
+    def _read(self, name: str) -> Any:
+        if name == "unwrapped_position":  # asked for only where sides are periodic
+            array = self.simulation.column(name)
+            return warp.array(array, dtype=warp.vec3d, device=self.simulation.device)
+        return self._public.read(name)
 
     def call_hooks(self, step: int) -> None:
         """Call those whose step this is, after its output."""
         for stride, action in self.hooks:
             if step % stride == 0:
                 with self.timer.output():
-                    action(self.simulation)
+                    action(self._public)
 
     def save_restart(self, step: int) -> None:
         """Write the restart file, if it is the step for one and output is on disk up to here."""

@@ -41,4 +41,4 @@ def from_extra() -> Iterator[None]:
             raise
         raise MissingExtraError(
             f"{module} is not installed: pip install 'gpudem[{EXTRAS[module]}]'"
-        ) from error
+        ) from None

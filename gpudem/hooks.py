@@ -18,9 +18,9 @@ from gpudem.scene import Scene
 class Hook:
     """An action at t = 0 and after every interval, rounded to whole steps (at least one).
 
-    It is called with the object that advances the run, whose state is that of the full step; reading it does
-    not change the run. After `resume` it is called at the steps after that of the restart file. What it
-    raises ends the run, whose results so far are saved.
+    It is called with the run's `gpudem.Simulation`, at a full step; reading it does not change the run. After
+    `resume` it is called at the steps after that of the restart file. What it raises ends the run, whose
+    results so far are saved.
     """
 
     interval: float

@@ -135,11 +135,11 @@ BAD_ARRAYS = [
     ("one row short", {"velocity": np.zeros((1, 3))}, "velocity has 1 rows; must have one for each of the 2"),
     ("radius row", {"radius": np.full(3, 0.003)}, "radius has 3 rows"),
     ("nan", {"velocity": np.full((2, 3), np.nan)}, "velocity: row 1 is not a finite number"),
-
-           ("long double", {"velocity": np.full((2, 3), np.longdouble("1e4000"))}, "velocity: row 1 is not a finite"),
+    ("long double", {"velocity": np.full((2, 3), np.longdouble("1e4000"))},
+        "velocity: row 1 is not a finite"),
     ("material of bytes", {"material": np.array([b"a", b"b"])}, "material: must be the name or the index"),
-
-           ("material of booleans", {"material": np.array([True, False])}, "material: must be the name or the index"),
+    ("material of booleans", {"material": np.array([True, False])},
+        "material: must be the name or the index"),
     ("negative material", {"material": np.array([0, -1])}, "material: row 2 is -1; must be"),
     ("material table", {"material": np.zeros((2, 1), int)}, r"material: has shape \(2, 1\)"),
     ("material row", {"material": np.zeros(3, int)}, "material has 3 rows"),
@@ -206,7 +206,7 @@ def test_a_file_without_materials_needs_one(tmp_path: Path) -> None:
 
 
 def test_particles_come_in_order_of_id(tmp_path: Path) -> None:
-    """Particle k of the scene is particle k of the file, with all its columns; a sort of some would mix them."""
+    """Particle k of the scene is particle k of the file in all columns; a sort of some would mix them."""
     np.savez(tmp_path / "p.npz", id=[3, 1, 2], position=np.eye(3), velocity=2 * np.eye(3), radius=[3, 1, 2],
              angular_velocity=3 * np.eye(3), material=[1, 0, 0])  # fmt: skip
     state = read_particles(tmp_path / "p.npz", MATERIALS).state

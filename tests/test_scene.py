@@ -195,9 +195,13 @@ def test_numpy_scalars_in_every_field() -> None:
     """Whole numbers, booleans, text and numbers in lists too; what is stored is Python's own."""
     one = scene(
         particles=NUMPY_LATTICE, name=np.str_("two"),
-        materials={np.str_("ps"): {"young": np.float32(5e6), "poisson": np.array(0.3), "density": np.int64(1050)},
-                   "acrylic": MATERIALS["acrylic"]},
-        contact={"normal": np.str_("hooke"), "characteristic_velocity": np.array(1), "limit_force": np.bool_(True)},
+        materials={
+            np.str_("ps"): {"young": np.float32(5e6), "poisson": np.array(0.3), "density": np.int64(1050)},
+            "acrylic": MATERIALS["acrylic"],
+        },
+        contact={
+            "normal": np.str_("hooke"), "characteristic_velocity": np.array(1), "limit_force": np.bool_(True)
+        },
         domain={"lo": (-1, -1, 0), "hi": (1, 1, 1), "periodic": np.array([False, True, False])},
     )  # fmt: skip
     assert one.particles.count == 4
@@ -340,7 +344,7 @@ def test_needs_only_what_is_there() -> None:
 
 
 def test_friction_that_no_contact_has_is_not_needed() -> None:
-    """Friction of a pair that cannot meet here (of the wall's material with itself) must not cost rotation."""
+    """Friction of a pair that cannot touch here (wall with wall) must not cost rotation."""
     pairs = [
         PAIRS[0].model_copy(update={"friction": 0.0, "rolling_friction": 0.0}),
         PAIRS[1],
@@ -427,7 +431,7 @@ def test_steps_and_strides() -> None:
 
 
 def test_time_limits_against_published_formulas() -> None:
-    """Numbers worked out by hand for R = 3 mm, E = 3.25e7 Pa, nu = 0.34, rho = 1050: another factor would be seen."""
+    """Numbers worked out by hand for R = 3 mm, E = 3.25e7 Pa, nu = 0.34, rho = 1050: no factor is off."""
     one = scene(gravity=(0, 0, 0))
     shear = 3.25e7 / 2.68
     assert rayleigh_time(one) == pytest.approx(np.pi * 0.003 * (1050 / shear) ** 0.5 / 0.932054, rel=1e-12)

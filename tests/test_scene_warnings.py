@@ -1,4 +1,4 @@
-"""Settings without effect, rounded and extended times: the sentence for each, and no sentence for sound scenes.
+"""Settings without effect, rounded and extended times: the sentence for each, and none for sound scenes.
 
 The list of warnings is exact in each row: one that stops coming fails the test, and so does one too many.
 """
@@ -119,19 +119,22 @@ ROWS: list[tuple[str, dict[str, Any], list[str]]] = [
         ["particles.seed = 3: no effect, nothing is random without jitter, mixture or velocity_rms"]),
     ("seed of velocities", {"particles": {**LATTICE, "jitter": 0.0, "seed": 3, "velocity_rms": 0.1}}, []),
     ("radius of no particle",
-        {"particles": {**LATTICE, "radius": [{"radius": 0.003, "share": 1}, {"radius": 0.002, "share": 1e-9}]}},
+        {"particles": {**LATTICE,
+                       "radius": [{"radius": 0.003, "share": 1}, {"radius": 0.002, "share": 1e-9}]}},
         ["particles.radius[1] = 0.002 m: none of the 8 particles has it; its share is 1e-09"]),
     # solver and time
     ("accuracy beside a step", {"time": {"accuracy": 0.01}},
         ["time.accuracy = 0.01: no effect beside time.step = 1e-05 s; step = 'auto' would give "]),
     ("accuracy of a step", {"time": {"step": "auto", "accuracy": 0.01}}, []),
-    ("path without damping", {"pair": {"restitution": 1.0, "friction": 0.0}, "solver": {"integrator": "path"}},
+    ("path without damping",
+        {"pair": {"restitution": 1.0, "friction": 0.0}, "solver": {"integrator": "path"}},
         ["solver.integrator = 'path': no effect, without damping and friction it is 'half_step'"]),
     ("extended duration", {"output": {"frames_every": 1.0}},
         ["time.duration = 0.1 s: the run takes 1 s, extended to whole frames, one every 1 s"]),
     ("duration of three frames and a bit", {"output": {"frames_every": 0.03}},
         ["time.duration = 0.1 s: the run takes 0.12 s, extended to whole frames, one every 0.03 s"]),
-    ("duration of a step and a bit", {"time": {"step": 1e-5, "duration": 1.4e-5}, "output": {"trace_every": None}},
+    ("duration of a step and a bit",
+        {"time": {"step": 1e-5, "duration": 1.4e-5}, "output": {"trace_every": None}},
         ["time.duration = 1.4e-05 s: the run takes 1e-05 s, rounded to whole steps"]),
     ("interval of a step and a bit", {"output": {"trace_every": 1.4e-5}},
         ["output.trace_every = 1.4e-05 s: rounded to 1 step, 1e-05 s"]),
@@ -152,11 +155,13 @@ ROWS: list[tuple[str, dict[str, Any], list[str]]] = [
     ("gate of a step and a bit", gate(removed_at=1.4e-5),
         ["walls: gate.removed_at = 1.4e-05 s: rounded to step 1, 1e-05 s"]),
     ("gate", gate(removed_at=0.05), []),
-    ("usual step", {"time": {"step": 5e-5}}, ["time.step = 5e-05 s: above the usual 0.05 of the Hertz contact time, "]),
+    ("usual step", {"time": {"step": 5e-5}},
+        ["time.step = 5e-05 s: above the usual 0.05 of the Hertz contact time, "]),
     # what else
     ("nothing moves", {"gravity": [0, 0, 0], "particles": {"velocity": None}},
         ["no gravity and no start velocity: nothing moves unless particles overlap"]),
-    ("only a spin", {"gravity": [0, 0, 0], "particles": {"velocity": None, "angular_velocity": [[0, 1, 0]]}}, []),
+    ("only a spin",
+        {"gravity": [0, 0, 0], "particles": {"velocity": None, "angular_velocity": [[0, 1, 0]]}}, []),
     ("no wall", {"walls": []}, ["gravity and no wall: particles leave the domain, which ends the run"]),
     ("frames fill the disk",
         {"particles": {**LATTICE, "count": 64}, "time": {"duration": 10.0}, "output": {"frames_every": 4e-5}},
@@ -213,10 +218,16 @@ materials.ps = {young = 5e6, poisson = 0.34, density = 1050.0}
 pairs = [{materials = ["ps", "ps"], kn = 1e6, rolling_friction = 0.1, friction = 0.1}]
 contact = {tangential = "off"}
 particles = {source = "explicit", position = [[0.0, 0.0, 0.1]], radius = 0.003, material = "ps"}
-walls = [{kind = "plane", name = "gate", material = "ps", point = [0, 0, 0], normal = [0, 0, 1], removed_at = 1e-9}]
 domain = {lo = [-0.05, -0.05, 0.0], hi = [0.05, 0.05, 0.2]}
 time = {step = 1e-5, duration = 1e-4}
 output = {frames_every = 1e-3, trace_every = 2.4e-5}
+[[walls]]
+kind = "plane"
+name = "gate"
+material = "ps"
+point = [0, 0, 0]
+normal = [0, 0, 1]
+removed_at = 1e-9
 """
 EXPECTED = [
     "time.duration = 0.0001 s: the run takes 0.001 s, extended to whole frames, one every 0.001 s",

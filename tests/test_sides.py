@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gpudem import driver, event_driven
 from gpudem.output.vtu import write_vtu
-from gpudem.scene import Domain, FromFile, Material, Pair, Plane, Scene, SceneError, Time
+from gpudem.scene import Domain, Explicit, FromFile, Material, Pair, Plane, Scene, SceneError, Time
 from gpudem.scene.packing import InitialState
 
 #: Sides whose length, or whose sums with it, are not exact: none is 0 or opposite to the other.
@@ -123,15 +124,17 @@ def test_frames_are_read_back(lo: float, hi: float, dtype: type, tmp_path: Path)
 
 @pytest.mark.parametrize(("tilt", "refused"), [(6e-17, False), (-1e-13, False), (1e-11, True), (1e-9, True)])
 def test_hard_spheres_refuse_a_tilt_and_no_rounding(tilt: float, refused: bool) -> None:
-    from gpudem.event_driven.statement import Statement
-
     floor = Plane(name="floor", material="a", point=(0, 0, -1), normal=(tilt, 0, 1))
-    one = scene([[0.2, 0, 0]], 0.1, 0.3, periodic=False, walls=[floor])
+    fall = Explicit(position=[[0.2, 0, -0.99]], radius=1e-3, material="a", velocity=[[0, 0, -2000.0]])
+    one = scene(None, 0.1, 0.3, periodic=False, walls=[floor], particles=fall, output={"trace_every": 1e-5})
+    one = one.replace(allow=["time_step"])
     if refused:
-        with pytest.raises(SceneError, match=r"walls\.floor\.normal = .*: must lie along an axis"):
-            Statement.of(one)
+        with pytest.raises(SceneError, match=r"walls\.floor\.normal = .*: must be along an axis"):
+            event_driven.run(one)
     else:
-        assert Statement.of(one).segments[0][2].present.tolist() == [False] * 4 + [True, False]
+        trace = event_driven.run(one).trace
+        assert trace is not None
+        assert trace["velocity"][-1, 0].tolist() == [0, 0, 2000]
     points, _ = one.planes[0].outline(np.array([0.1, -1, -1]), np.array([0.3, 1, 1]))
     assert (np.ptp(points[:, 0]) > 0.21) == refused, (
         "drawn cut to the domain only where it lies along its sides"
@@ -140,13 +143,13 @@ def test_hard_spheres_refuse_a_tilt_and_no_rounding(tilt: float, refused: bool) 
 
 def test_hard_spheres_and_decks_get_the_same_places() -> None:
     """A ball on the upper periodic face is at the lower one in what each code starts from."""
-    from gpudem.event_driven.statement import Statement
-
     from reference.liggghts import deck
 
     floor = Plane(name="floor", material="a", point=(0, 0, -1), normal=(0, 0, 1))
-    one = scene([[0.3, 0, 0]], 0.1, 0.3, walls=[floor])
+    one = scene([[0.3, 0, 0]], 0.1, 0.3, walls=[floor], output={"trace_every": 1e-5})
     x = float(one.state.position[0, 0])
     assert x == pytest.approx(0.1)
-    assert Statement.of(one).position[0, 0] == x
+    for trace in (event_driven.run(one).trace, driver.simulate(one).trace):
+        assert trace is not None
+        assert trace["position"][0, 0, 0] == x
     assert f"{x:.17g} 0 0" in deck.data(one)

@@ -9,6 +9,7 @@ import ast
 import dataclasses
 import functools
 import io
+import itertools
 import re
 import tokenize
 from collections.abc import Iterator
@@ -37,9 +38,7 @@ class Marked:
 
     def span(self, node: ast.expr | ast.stmt) -> tuple[int, int]:
         """First byte of a node in the UTF-8 text, and the byte after its last."""
-        starts = [0]
-        for line in self.text.encode().split(b"\n"):
-            starts.append(starts[-1] + len(line) + 1)
+        starts = _line_starts(self.text)
         assert node.end_lineno is not None
         assert node.end_col_offset is not None
         return starts[node.lineno - 1] + node.col_offset, starts[node.end_lineno - 1] + node.end_col_offset
@@ -94,6 +93,13 @@ class Sources:
             places = ", ".join(f"{m.path}:{m.line}" for m in found)
             raise GpudemError(f"the marker '# mutate: {name}' is not unique: {places}")
         return found[0]
+
+
+@functools.cache
+def _line_starts(text: str) -> tuple[int, ...]:
+    """First byte of each line of the UTF-8 text."""
+    lengths = [len(line) + 1 for line in text.encode().split(b"\n")]
+    return tuple(itertools.accumulate(lengths, initial=0))
 
 
 @functools.cache

@@ -86,6 +86,10 @@ class Law:
         """Value of each name in `coefficients`, from primary inputs, in float64."""
         raise NotImplementedError
 
+    def acts(self, inputs: PairInputs) -> bool:
+        """Whether the law acts in contacts of this pair; if it acts in none, its code is left out."""
+        return True
+
     def missing(self, inputs: PairInputs) -> list[str]:
         """Names of the inputs of a pair that this law needs and that are not stated."""
         stated = inputs.pair.model_extra or {}

@@ -36,8 +36,7 @@ def run(
 ) -> Run:
     """Simulate a scene's particles as hard spheres; disks are spheres in one layer.
 
-    The time step of the scene only defines the times of output; Young's modulus and Poisson's ratio are not
-    used.
+    The time step only defines the times of output; Young's modulus and Poisson's ratio are not used.
 
     Args:
         scene: What to simulate.
@@ -59,10 +58,7 @@ def run(
         SimulationError: the event rate diverges, or a particle is lost; frames already written stay.
     """
     began = time.perf_counter()
-    if budget is not None and not (isinstance(budget, int | np.integer) and budget >= 1):
-        raise SceneError(
-            f"{scene.name} (event-driven)", [f"budget = {budget!r}: must be an integer of 1 or more"]
-        )
+    _check_budget(scene, budget)
     path = None if directory is None else Path(directory)
     problem = HardSphereProblem.from_scene(scene, guard, tangential_restitution)
     if path is not None:
@@ -83,6 +79,13 @@ def run(
     except Exception as error:
         failure, notes["failed"] = error, str(error)
     return conclude(events.result(path or Path(), notes, setup_s), path is not None, failure)
+
+
+def _check_budget(scene: Scene, budget: int | None) -> None:
+    if budget is not None and not (isinstance(budget, int | np.integer) and budget >= 1):
+        raise SceneError(
+            f"{scene.name} (event-driven)", [f"budget = {budget!r}: must be an integer of 1 or more"]
+        )
 
 
 class _EventRun:

@@ -94,6 +94,7 @@ class Engine:
                 raise SimulationError("search = 'pairs': periodic sides are not supported; use 'tree'")
             self._advance = all_pairs_kernel(sawtooth, problem.rough)
         compile_kernels(self._device, (self._start, self._advance))
+        compile_kernels(self._device, (self._start, self._advance))
         self.cells = _number_of_cells(problem, cell_edge)
         self.cell_edge = (problem.hi - problem.lo) / self.cells
         self.side_closed = np.zeros(6, np.int32)

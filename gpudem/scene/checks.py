@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gpudem.errors import GpudemError
-from gpudem.scene.overlaps import find_overlaps
+from gpudem.scene import law_parameters
+from gpudem.scene.overlaps import MAX_START_OVERLAP, find_overlaps, lattice_within
 from gpudem.scene.scene_warnings import rounded_times, unexpected, without_effect
 from gpudem.scene.sections import MAX_PARTICLES, Box
 from gpudem.scene.time_step import USUAL_CONTACT, USUAL_RAYLEIGH, contact_time, rayleigh_time
@@ -20,8 +21,6 @@ from gpudem.scene.time_step import USUAL_CONTACT, USUAL_RAYLEIGH, contact_time, 
 if TYPE_CHECKING:
     from gpudem.scene.model import Scene
 
-#: Overlap at the start beyond this share of the smaller radius is an error (a settled bed has about 1 %).
-MAX_START_OVERLAP = 0.1
 #: Largest time step: share of the Rayleigh time, and of the contact time (5 steps in a contact).
 MAX_RAYLEIGH, MAX_CONTACT = 0.5, 0.2
 #: Time steps in a period of a vibrating plane, at least.
@@ -50,6 +49,7 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
     particles = run_check(_particle_materials, "materials", "particles")
     walls = run_check(_wall_materials, "materials", "walls")
     pairs = run_check(_pair_materials, "materials", "pairs")
+    pairs = run_check(law_parameters.problems, "pairs", "contact") and pairs
     domain = run_check(_domain, "domain")
     walls = walls and domain and run_check(_walls, "walls", "domain")
     units = run_check(_material_units, "materials", "allow")
@@ -149,7 +149,7 @@ def _walls(scene: Scene) -> list[str]:
             lo, hi = wall.lo or scene.domain.lo, wall.hi or scene.domain.hi
             if not all(b > a for a, b in zip(lo, hi, strict=True)):
                 found.append(f"walls[{i}].hi = {hi}: must be above lo = {lo} in x, y and z [m]")
-    names = collections.Counter(plane.name for plane in scene.planes)
+    names = collections.Counter(wall.name for wall in scene.wall_elements)
     found += [f"walls: name {name!r} given twice" for name, count in names.items() if count > 1]
     for plane in scene.planes:
         if any(p and n for p, n in zip(scene.domain.periodic, plane.normal, strict=True)):
@@ -199,31 +199,20 @@ def _inside(scene: Scene) -> list[str]:
 def _behind_walls(scene: Scene) -> list[str]:
     state, found = scene.state, []
     allowed = 2 if "overlap" in scene.allow else MAX_START_OVERLAP
-    for plane in scene.planes:
-        overlap = state.radius - (state.position - np.array(plane.point)) @ np.array(plane.normal)
+    for wall in scene.wall_elements:
+        overlap = state.radius - wall.gap(state.position)
         bad = overlap > allowed * state.radius
         if bad.any():
             i = int(np.argmax(overlap))
             found.append(
-                f"particles: {int(bad.sum())} outside wall {plane.name}; particle {i + 1} reaches"
+                f"particles: {int(bad.sum())} outside wall {wall.name}; particle {i + 1} reaches"
                 f" {overlap[i]:.3g} m into it (allowed: {allowed:g} radii)"
             )
     return found
 
 
-def _lattice_within(scene: Scene) -> bool:
-    """A lattice is without overlap as it is made, also through periodic sides where it lies within them.
-
-    A search of a million spheres takes most of a second.
-    """
-    particles, domain = scene.particles, scene.domain
-    return particles.source == "lattice" and all(
-        a <= b for a, b in zip((*domain.lo, *particles.hi), (*particles.lo, *domain.hi), strict=True)
-    )
-
-
 def _overlaps(scene: Scene) -> list[str]:
-    if "overlap" in scene.allow or len(scene.state) < 2 or _lattice_within(scene):
+    if "overlap" in scene.allow or len(scene.state) < 2 or lattice_within(scene):
         return []
     state, lo = scene.state, np.array(scene.domain.lo)
     period = np.where(scene.domain.periodic, np.array(scene.domain.hi) - lo, 0.0)
@@ -349,9 +338,8 @@ def step_limit(scene: Scene, rayleigh: float, contact: float) -> tuple[float, st
 
     With `hertz/stiffness` the moduli of the materials do not act, and the Rayleigh time means nothing.
     """
-    kind = {"hooke": "contact time (hooke)", "hertz": "Hertz contact time"}.get(
-        scene.contact.normal, "contact time (hertz/stiffness)"
-    )
+    law = scene.contact.normal
+    kind = "Hertz contact time" if law == "hertz" else f"contact time ({law})"
     limits = [(contact * contact_time(scene), f"{contact:g} of the {kind}")]
     if scene.normal_law.uses_moduli:
         limits.append((rayleigh * rayleigh_time(scene), f"{rayleigh:g} of the Rayleigh time"))

@@ -22,7 +22,7 @@ from pydantic import BaseModel, Field, ValidationError
 from gpudem.contact import registry
 from gpudem.contact.law import Law, NormalLaw, PairInputs
 from gpudem.errors import SceneError
-from gpudem.scene import checks, files, time_step
+from gpudem.scene import checks, files, overlaps, time_step
 from gpudem.scene.packing import InitialState, lattice
 from gpudem.scene.particle_files import ParticleFile, read_particles
 from gpudem.scene.sections import (
@@ -89,6 +89,9 @@ class Scene(Model):
         """Put the step that the accuracy needs in the place of "auto". Raises SceneError: too long."""
         assert self.time.accuracy is not None
         step = time_step.step_for(self, self.time.accuracy)
+        if not math.isfinite(step):
+            what = "time.step = 'auto': nothing moves and nothing overlaps, so that there is no contact time"
+            raise SceneError(source, [f"{what}; state the step [s]"])
         object.__setattr__(self, "time", self.time.model_copy(update={"step": step}))
         found = checks.problems(self)
         if found:
@@ -136,7 +139,7 @@ class Scene(Model):
         """Pydantic's copy, not validated; without what has been derived from the original."""
         copied = super().model_copy(**options)
         for name in set(vars(copied)) - set(type(self).model_fields):
-            del copied.__dict__[name]
+            vars(copied).pop(name)
         return copied
 
     def __getstate__(self) -> dict[Any, Any]:
@@ -246,6 +249,11 @@ class Scene(Model):
         return tuple(found)
 
     @functools.cached_property
+    def start_overlap(self) -> float:
+        """The largest overlap at the start, as a share of the smaller radius [1]."""
+        return overlaps.largest_start_overlap(self)
+
+    @functools.cached_property
     def contact_range(self) -> float:
         """Largest gap [m] across which the normal law acts; 0 for a law of contact."""
         law = self.normal_law
@@ -253,33 +261,39 @@ class Scene(Model):
 
     @functools.cached_property
     def contact_pairs(self) -> list[Pair]:
-        """The pairs that can meet in this scene: particle with particle, particle with wall."""
+        """The pairs that can touch in this scene: particle with particle, particle with wall."""
+        return [pair for pair in self.pairs if self.can_touch(*pair.materials)]
+
+    def can_touch(self, a: str, b: str) -> bool:
+        """Whether a particle of one material can touch a particle or a wall of the other."""
+        ours, partners = self.touching_materials
+        return (a in ours and b in partners) or (b in ours and a in partners)
+
+    @functools.cached_property
+    def touching_materials(self) -> tuple[set[str], set[str]]:
+        """Names of the materials of particles, and of those of particles or walls."""
         ours = set(self.particle_materials)
         # mutate: pairs_in_contact
         partners = ours | {w.material for w in self.walls}
-        return [
-            pair
-            for pair in self.pairs
-            if (pair.materials[0] in ours and pair.materials[1] in partners)
-            or (pair.materials[1] in ours and pair.materials[0] in partners)
-        ]
+        return ours, partners
 
     @functools.cached_property
     def needs(self) -> Needs:
         """Which physics this scene has."""
-        state, pairs = self.state, self.contact_pairs
+        state, inputs = self.state, [self.inputs(*pair.materials) for pair in self.contact_pairs]
+        law, shear = self.normal_law, registry.find("tangential", self.contact.tangential)
+        roll = registry.find("rolling", self.contact.rolling)
         # mutate: needs_tangential
-        tangential = self.contact.tangential != "off" and any(p.friction > 0 for p in pairs)
+        tangential = shear is not None and any(shear.acts(pair) for pair in inputs)
         # mutate: needs_rolling
-        rolling = self.contact.rolling != "off" and any(p.rolling_friction > 0 for p in pairs)
-        law = self.normal_law
+        rolling = roll is not None and any(roll.acts(pair) for pair in inputs)
         # mutate: scene_needs
         return Needs(
             tangential=tangential,
-            history=tangential and self.contact.tangential == "history",
+            history=tangential and bool(getattr(shear, "history", False)),
             rolling=rolling,
             rotation=tangential or rolling or bool(np.any(state.angular_velocity)),
-            damping=any(law.dissipates(self.inputs(*p.materials)) for p in pairs),
+            damping=any(law.dissipates(pair) for pair in inputs),
             gravity=any(self.gravity),
             walls=bool(self.walls),
             gate=any(w.removed_at is not None for w in self.wall_elements),

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gpudem.scene.overlaps import MAX_START_OVERLAP
+
 if TYPE_CHECKING:
     from gpudem.scene.model import Scene
 
@@ -43,12 +45,14 @@ def top_speed(scene: Scene) -> float:
 
 
 def _contact_pairs(scene: Scene) -> Iterator[tuple[str, str, float, float, float]]:
-    """(material, partner, R* [m], m* [kg], speed [m/s]): the smallest particles of pairs that can meet.
+    """(material, partner, R* [m], m* [kg], speed [m/s]): the smallest particles of pairs that can touch.
 
-    The speed is the top speed between particle and wall, twice that between particles.
+    The speed is the top speed between particle and wall, twice that between particles; at least that at which
+    the largest overlap at the start, relative to the smaller radius, drives the two apart.
     """
-    speed, state = top_speed(scene), scene.state
+    speed, state, law = top_speed(scene), scene.state, scene.normal_law
     walls = sorted({w.material for w in scene.walls})
+    deepest = 2.0 if {"overlap", "large_overlap"} & set(scene.allow) else MAX_START_OVERLAP
     smallest = {
         name: float(state.radius[state.material == scene.material_index[name]].min())
         for name in scene.particle_materials
@@ -57,19 +61,29 @@ def _contact_pairs(scene: Scene) -> Iterator[tuple[str, str, float, float, float
     def mass(name: str) -> float:
         return scene.materials[name].density * 4 / 3 * math.pi * smallest[name] ** 3
 
+    def at_least_released(a: str, b: str, r: float, m: float, radius: float, v: float) -> float:
+        inputs = scene.inputs(a, b)
+        if law.release_speed(inputs, r, m, deepest * radius) <= v:  # without a search for overlaps
+            return v
+        return max(v, law.release_speed(inputs, r, m, scene.start_overlap * radius))
+
     for name, radius in smallest.items():
         for partner in scene.particle_materials:
             r = radius * smallest[partner] / (radius + smallest[partner])
-            yield name, partner, r, mass(name) * mass(partner) / (mass(name) + mass(partner)), 2 * speed
+            m = mass(name) * mass(partner) / (mass(name) + mass(partner))
+            smaller = min(radius, smallest[partner])
+            yield name, partner, r, m, at_least_released(name, partner, r, m, smaller, 2 * speed)
         for partner in walls:
-            yield name, partner, radius, mass(name), speed
+            m = mass(name)
+            yield name, partner, radius, m, at_least_released(name, partner, radius, m, radius, speed)
 
 
 def contact_time(scene: Scene) -> float:
     """Shortest contact time [s] by the scene's normal law, of the smallest particles of each material pair.
 
-    At the top speed between particle and wall, twice that between particles; infinite where nothing moves and
-    the law's contact time depends on the speed. Damping lengthens a contact: it is not counted.
+    At the top speed between particle and wall, twice that between particles, or that at which overlaps at the
+    start drive them apart; infinite where nothing moves and the law's contact time depends on the speed.
+    Damping lengthens a contact: it is not counted.
     """
     law, times = scene.normal_law, [math.inf]
     for name, partner, r, m, v in _contact_pairs(scene):

@@ -106,7 +106,7 @@ def _float(value: Any, unit: str) -> float:
     try:
         return float(value)
     except OverflowError:  # an integer of hundreds of digits
-        return math.inf if value > 0 else -math.inf
+        return math.inf if value > 0 else -math.inf  # type: ignore[operator]
 
 
 @dataclasses.dataclass(frozen=True)

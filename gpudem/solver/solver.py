@@ -80,6 +80,7 @@ class Solver:
         self.step_count = 0
         self._needs_rebuild = self._rebuild_suspended = False
         self._written: Any = None
+        self._at_written_step = False
         self._pending = self.state.particles.rebuild_pending.numpy() if self.device.is_cpu else None
         self._displaced = any(wall.stroke > 0 for wall in scene.wall_elements)
         self.walls: Any = None
@@ -156,9 +157,10 @@ class Solver:
     def start(self, planes: list[Wall] | None = None, write: bool = False) -> None:
         """Set-up: forces at the present full-step velocities with the given walls; first kick and drift.
 
-        At a later start (a gate has gone) call it after `write_step(last=True)`.
+        At a later start (a gate was removed) the step before it must be one of `write_step`.
         """
         if self.step_count > 0:
+            self.rewind()
             self._take_full_step_velocities()
             bodies: Any = self.state.now.numpy()
             self._choose_order(bodies["position"])
@@ -169,9 +171,22 @@ class Solver:
         self._launch(SETUP | (WRITE if write else 0))
         self._needs_rebuild = bool(self._read_rebuild_flags()[1])
         self.state.swap()
+        self._at_written_step = False
+
+    def rewind(self) -> None:
+        """Make the written full step the present one again, to change it; `start` must follow."""
+        if not self._at_written_step:
+            self.state.swap()
+        self._at_written_step = True
+
+    @property
+    def written(self) -> Any:
+        """The bodies of the written step, whose velocities are half a step behind."""
+        return self._written
 
     def advance(self, steps: int) -> None:
         """Do `steps` steps without output."""
+        self._leave_written_step()
         while steps > 0:
             self._move_walls(self.step_count + 1)
             if self._needs_rebuild:
@@ -184,14 +199,21 @@ class Solver:
 
     def write_step(self, last: bool = False) -> None:
         """One more step, whose positions, velocities and forces can then be read; `last`: stay there."""
+        self._leave_written_step()
         self._move_walls(self.step_count + 1)
         if self._needs_rebuild:
             self._rebuild()
         self._launch(WRITE)
         self._needs_rebuild = bool(self._read_rebuild_flags()[1])
         self.step_count += 1
+        self._at_written_step = last
         if not last:
             self.state.swap()
+
+    def _leave_written_step(self) -> None:
+        if self._at_written_step:
+            self.state.swap()
+        self._at_written_step = False
 
     def _set_walls(self, present: list[Wall] | None) -> None:
         """Walls that get into contact from now on; all of them by default."""

@@ -77,4 +77,4 @@ def _pair_value(scene: Scene, a: str, b: str, value: Callable[[Pair], float], fi
     0.
     """
     pair = scene.pair(a, b)
-    return value(pair) if pair is not None and pair in scene.contact_pairs else filler
+    return value(pair) if pair is not None and scene.can_touch(a, b) else filler

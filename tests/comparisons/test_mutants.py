@@ -2,6 +2,7 @@
 
 import ast
 import builtins
+import functools
 import io
 import json
 import keyword
@@ -16,7 +17,7 @@ from click.testing import CliRunner
 from comparisons.cases import mutants as case
 from comparisons.mutants import __main__ as command
 from comparisons.mutants import trial
-from comparisons.mutants.markers import Sources
+from comparisons.mutants.markers import Marked, Sources
 from comparisons.mutants.operations import ALLOWED_NAMES, PLACEHOLDER, Operation
 from comparisons.mutants.recorded import Record, Row, load_record
 from comparisons.mutants.table import TABLE, Mutation, TestSet, load
@@ -34,14 +35,14 @@ SOURCES = Sources.read(ROOT)
 @pytest.mark.parametrize("mutation", MUTATIONS, ids=lambda m: m.name)
 def test_applies_to_the_sources(mutation):
     """Detects a marker that a change of the sources lost or doubled, and a statement of another form."""
-    marked, mutated = mutation.applied(SOURCES)
+    marked, mutated = _applied(mutation.name)
     assert mutated != marked.text
     ast.parse(mutated)
 
 
 def test_no_two_mutations_are_the_same():
     """Detects two operations of different names with one result: the second would show nothing new."""
-    texts = [mutation.applied(SOURCES)[1] for mutation in MUTATIONS]
+    texts = [_applied(mutation.name)[1] for mutation in MUTATIONS]
     assert len(set(texts)) == len(texts)
 
 
@@ -60,10 +61,10 @@ def test_a_rename_leaves_all_mutations_as_they_are():
     """
     renamed = Sources({path: _renamed(text) for path, text in SOURCES.texts.items() if "mutate:" in text})
     for mutation in MUTATIONS:
-        lines = _changed_lines(mutation, renamed)
+        lines = _changed_lines(*mutation.applied(renamed))
         if ", name}" in mutation.operation.options.get("new", ""):  # a name as a string, which is not renamed
             continue
-        assert lines == _renamed(_changed_lines(mutation, SOURCES)), mutation.name
+        assert lines == _renamed(_changed_lines(*_applied(mutation.name))), mutation.name
 
 
 def test_new_text_contains_no_names_of_the_sources():
@@ -76,9 +77,14 @@ def test_new_text_contains_no_names_of_the_sources():
             assert names <= ALLOWED_NAMES, mutation.name
 
 
-def _changed_lines(mutation: Mutation, sources: Sources) -> str:
+@functools.cache
+def _applied(name: str) -> tuple[Marked, str]:
+    """A mutation of the table, applied to the sources."""
+    return next(m for m in MUTATIONS if m.name == name).applied(SOURCES)
+
+
+def _changed_lines(marked: Marked, mutated: str) -> str:
     """The lines of the mutated file that the original does not have, without their common indentation."""
-    marked, mutated = mutation.applied(sources)
     old, new = marked.text.splitlines(keepends=True), mutated.splitlines(keepends=True)
     while old and new and old[0] == new[0]:
         del old[0], new[0]
@@ -396,6 +402,7 @@ def test_a_mutant_of_the_solver_is_caught(tmp_path):
 )
 def test_summary_and_exit_code(monkeypatch, verdicts, code, lines):
     rows = [{"name": f"m{k}", "outcome": verdict} for k, verdict in enumerate(verdicts)]
+    monkeypatch.setattr(command, "load", lambda: (TEST_SET, MUTATIONS[:1]))
     monkeypatch.setattr(command, "_test_all", lambda *_: (rows, 1.0))
     result = CliRunner().invoke(command.main, [])
     assert result.exit_code == code

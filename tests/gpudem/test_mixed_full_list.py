@@ -16,6 +16,8 @@ from gpudem.solver.solver import Solver
 from tests.gpudem.beds import finish
 from tests.reference.scenes import AGREEMENT
 
+pytestmark = pytest.mark.long
+
 U = 2.0**-24
 #: Overlaps as a share of the smaller radius.
 SHARES = np.logspace(-7, -2, 11)
@@ -56,7 +58,7 @@ def touching(origin: float, radii=RADII, materials=("soft", "hard"), drift: floa
 def forces(scene: Scene, precision: str, half_list: bool) -> dict[str, np.ndarray]:
     """Set-up forces and torques, by id."""
     solver = Solver(scene.replace(solver={"precision": precision}), half_list=half_list)
-    solver.start(scene.planes, write=True)
+    solver.start(write=True)
     found = solver.frame()
     solver.close()
     return found

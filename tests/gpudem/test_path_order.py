@@ -15,6 +15,8 @@ from tests.gpudem.beds import finish
 from tests.gpudem.impacts import KINDS, errors, exact, impacts, orders, spin_errors
 from tests.reference.exact_impact import exact_impact
 
+pytestmark = pytest.mark.long
+
 LAWS = {
     "hertz": {"normal": "hertz"},
     "hooke": {"normal": "hooke", "characteristic_velocity": 1.0},
@@ -105,6 +107,7 @@ def test_errors_see_another_law():
     stated = impacts(320, 0.0, {}, friction=0.0)
     pairs = [p.model_dump() | {"restitution": min(1.0, p.restitution + 0.01)} for p in stated.pairs]
     trace = simulate(stated.replace(pairs=pairs)).trace
+    assert trace is not None
     found = errors(stated, trace, exact(stated))
     assert set(found) == set(KINDS)
     assert min(found.values()) > 2e-3

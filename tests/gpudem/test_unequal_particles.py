@@ -4,6 +4,8 @@ Detects: the mass, radius or moment of inertia of the first or the largest parti
 mass that is a mean position; an overlap at a wall counted by another radius; a speed limit by the largest.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -80,7 +82,7 @@ def test_histories():
     assert contacts.max() == 3
 
 
-def beside(radii: tuple[float, float], depth: tuple[float, float], **more) -> Scene:
+def beside(radii: Sequence[float], depth: Sequence[float], **more) -> Scene:
     """Two spheres apart from each other, each a depth inside the floor [m], at rest without gravity."""
     return Scene(**{
         "name": "beside", "materials": {"ball": BALL, "wall": WALL},

@@ -83,6 +83,18 @@ def _across(n: np.ndarray, velocity: np.ndarray) -> np.ndarray:
     return across / np.linalg.norm(across)
 
 
+@dataclasses.dataclass
+class _Event:
+    """A function of the state whose crossing of zero in one direction solve_ivp looks for."""
+
+    function: Callable[[np.ndarray], float]
+    direction: int
+    terminal: bool = True
+
+    def __call__(self, _t: float, y: np.ndarray) -> float:
+        return self.function(y)
+
+
 @dataclasses.dataclass(frozen=True)
 class _Planar:
     """State (a, b, a', b', w_i, w_j, s): displacement of i against j along e1, e2 since the touch, spins."""
@@ -156,31 +168,25 @@ class _Planar:
         pieces, peak, slips = [], 0.0, False
         mu = float(self.contact.of("friction")[0])
 
-        def ends(_t, y):
+        def ends(y):
             overlap, raw, *_ = self.forces(y)
             return raw if self.scene.contact.limit_force else overlap
 
-        def slipping(_t, y):
+        def slipping(y):
             _, raw, kt, *_ = self.forces(y)
             return kt * abs(y[6]) - mu * abs(raw)
 
-        def tension(_t, y):
-            return self.forces(y)[1]
+        def parting(y):
+            n = self.forces(y)[4]
+            return n[0] * y[2] + n[1] * y[3]
 
-        def turning(_t, y):
-            return self.forces(y)[4][0] * y[2] + self.forces(y)[4][1] * y[3]
-
-        ends.terminal, ends.direction = True, -1
-        slipping.terminal, slipping.direction = True, 1
-        tension.terminal, tension.direction = True, -1
-        turning.direction = 1
         scale = self.reach / abs(vn)
         while True:
-            events = [ends, turning]
+            events = [_Event(ends, -1), _Event(parting, 1, terminal=False)]
             if mode == "stick":
-                events.append(slipping)
+                events.append(_Event(slipping, 1))
             elif mode == "slip" and not self.scene.contact.limit_force:
-                events.append(tension)
+                events.append(_Event(lambda y: self.forces(y)[1], -1))
             found = solve_ivp(
                 self.rate(mode, sign), (time, time + scale), y, "DOP853", events=events, rtol=RTOL,
                 atol=1e-16 * np.array([1, 1, 1e3, 1e3, 1e6, 1e6, 1]), dense_output=True,

@@ -31,6 +31,9 @@ class Cdt(RollingLaw):
         "cdt", (("per_pair", "coefficientRollingFriction", lambda p: p.rolling_friction, 0.0),)
     )
 
+    def acts(self, inputs: PairInputs) -> bool:  # noqa: D102
+        return inputs.pair.rolling_friction > 0
+
     def coefficients_of(self, inputs: PairInputs) -> dict[str, float]:  # noqa: D102
         return {"rolling_friction": inputs.pair.rolling_friction}
 

@@ -37,6 +37,9 @@ class History(TangentialLaw):
     coefficients = ("friction",)
     liggghts = LiggghtsWords("history")
 
+    def acts(self, inputs: PairInputs) -> bool:  # noqa: D102
+        return inputs.pair.friction > 0
+
     def coefficients_of(self, inputs: PairInputs) -> dict[str, float]:  # noqa: D102
         return {"friction": inputs.pair.friction}
 

@@ -26,6 +26,9 @@ class NoHistory(TangentialLaw):
     coefficients = ("friction",)
     liggghts = LiggghtsWords("no_history")
 
+    def acts(self, inputs: PairInputs) -> bool:  # noqa: D102
+        return inputs.pair.friction > 0
+
     def coefficients_of(self, inputs: PairInputs) -> dict[str, float]:  # noqa: D102
         return {"friction": inputs.pair.friction}
 

@@ -1,0 +1,44 @@
+"""The keys that contact laws add to `[[pairs]]` and `[contact]`: known to a law, and in range."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gpudem.contact import registry
+from gpudem.contact.law import Parameter
+from gpudem.scene.files import nearest
+from gpudem.scene.types import Model, number
+
+if TYPE_CHECKING:
+    from gpudem.scene.model import Scene
+
+
+def problems(scene: Scene) -> list[str]:
+    """Unknown keys, values out of range, and missing parameters of `[contact]` that a law needs."""
+    names = (scene.contact.normal, scene.contact.tangential, scene.contact.rolling)
+    slots = zip(registry.SLOTS, names, strict=True)
+    laws = [law for slot, name in slots if (law := registry.find(slot, name)) is not None]
+    declared = [parameter for law in laws for parameter in law.parameters]
+    found = _section("contact", scene.contact, [p for p in declared if p.where == "contact"])
+    for i, pair in enumerate(scene.pairs):
+        found += _section(f"pairs[{i}]", pair, [p for p in declared if p.where == "pair"])
+    for law in laws:
+        for parameter in law.parameters:
+            stated = scene.contact.model_extra or {}
+            if parameter.where == "contact" and parameter.default is None and parameter.name not in stated:
+                found.append(f"contact.{parameter.name}: missing; {law.name} needs it [{parameter.unit}]")
+    return found
+
+
+def _section(key: str, section: Model, declared: list[Parameter]) -> list[str]:
+    found, known = [], {p.name: p for p in declared}
+    for name, value in (section.model_extra or {}).items():
+        if name not in known:
+            found.append(f"{key}.{name}: unknown key{nearest(name, [*type(section).model_fields, *known])}")
+            continue
+        p = known[name]
+        try:
+            number(p.unit, p.lo, p.hi, p.open_lo).check(value)
+        except ValueError as error:
+            found.append(f"{key}.{name} = {value!r}: {error}")
+    return found
