@@ -83,7 +83,7 @@ def scene(law: Law, limit_force: bool, steps: int) -> Scene:
         walls=[Plane(name="floor", material="wall", point=(0, 0, 0), normal=(0, 0, 1))],
         domain=Domain(lo=(-0.01, -0.01, -0.001), hi=(SPACING * len(names), SPACING * width, 0.02)),
         time=Time(step=step, duration=DURATION),
-        output=Output(trace_every=FLIGHT),
+        output=Output(trace_every=round(FLIGHT / step) * step),
     )  # fmt: skip
 
 

@@ -118,7 +118,7 @@ FIELDS = [
     bad("step in words", "step = 1e-5", 'step = "small"', "time.step = 'small'"),
     bad("zero step", "step = 1e-5", "step = 0.0", "time.step = 0.0", "0 < value [s]"),
     bad("unknown law", 'normal = "hertz"', 'normal = "herz"', "contact.normal = 'herz'", "did you mean 'hertz'?"),
-    bad("unknown wall", PLANE, PLANE.replace('"plane"', '"cone"'), "walls[0].kind = 'cone': unknown",
+    bad("unknown wall", PLANE, PLANE.replace('"plane"', '"xyzzy"'), "walls[0].kind = 'xyzzy': unknown",
         "known: plane, box"),
     bad("wall without kind", PLANE, 'name = "floor"', "walls[0].kind: missing; one of: plane, box"),
     bad("unknown source", '"explicit"', '"explict"', "particles.source = 'explict'", "did you mean 'explicit'?"),

@@ -17,6 +17,9 @@ def pair_coefficients(laws: Iterable[Law], inputs: PairInputs) -> dict[str, floa
     values: dict[str, float] = {}
     for law in laws:
         values |= law.coefficients_of(inputs)
-    if not inputs.contact.tangential_damping and "c_tangential" in values:
+    contact = inputs.contact
+    # mutate: frictionless_contact
+    frictionless = values.get("friction") == 0 and not contact.frictionless_dashpot
+    if "c_tangential" in values and (frictionless or not contact.tangential_damping):
         values["c_tangential"] = 0.0  # mutate: no_tangential_damping
     return values

@@ -35,8 +35,7 @@ def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, p
     law with history; dt is 0 at set-up, `step` the time step always. Slots that are "off" leave no code.
     Antisymmetric in i and j: both sides of a contact, computed separately, give opposite forces.
 
-    With `path` and dt > 0 the damping force is `mean_damping`, and the tangential dashpot takes the mean of
-    its coefficient likewise.
+    With `path` and dt > 0 the damping force is `mean_damping`.
     """
     stiffness = registry.law("normal", normal).stiffness
     damping_over_step = mean_damping(normal)
@@ -52,9 +51,6 @@ def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, p
         if wp.static(path):
             if dt > type(dt)(0.0):
                 damping = wp.static(damping_over_step)(c, p, dt)
-                travel = c.overlap_plus_half - c.overlap_minus_half
-                if wp.abs(travel) > type(dt)(0.001) * c.overlap and cn > type(dt)(0.0):
-                    ct = ct * (damping * dt / (travel * cn))
         fn = kn * c.overlap + damping  # mutate: normal_force
         if wp.static(limit_force):
             fn = wp.max(fn, type(fn)(0.0))  # mutate: no_attraction

@@ -121,7 +121,7 @@ class _EventRun:
             counts, sums = self.engine.counts, self.engine.sums
             row = (counts.collisions, counts.walls, sums.work, sums.dissipated, sums.virial)
             self._event_rows.append(row)
-        self.recorder.add(self.step, self._frame(), 0)
+        self.recorder.add(self.step, self._frame(), unwrapped=self.engine.unwrapped_positions())
         self._output_s += time.perf_counter() - start
 
     def _frame(self) -> Frame:

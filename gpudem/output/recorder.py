@@ -90,9 +90,9 @@ class Recorder:
             self.flush()
             self._writing = self._pool.submit(self.writer.add, step, view.frame())
 
-    def add(self, step: int, frame: Frame, contacts: int = 0) -> None:
-        """As `record`, for a code that has the step as a frame."""
-        self.record(View.of_frame(self.scene, step, frame, contacts))
+    def add(self, step: int, frame: Frame, contacts: int = 0, unwrapped: np.ndarray | None = None) -> None:
+        """As `record`, for a code that has the step as a frame, and `unwrapped` positions [m]."""
+        self.record(View.of_frame(self.scene, step, frame, contacts, unwrapped))
 
     def _chosen(self, view: View) -> list[Observable]:
         names = self.scene.output.history

@@ -42,9 +42,12 @@ class View:
         self._known: dict[Any, Any] = {}
 
     @classmethod
-    def of_frame(cls, scene: Scene, step: int, frame: Frame, contacts: int = 0) -> View:
-        """The view of a frame; unwrapped positions are those of the frame."""
-        return cls(scene, step, lambda name: frame[name.removeprefix("unwrapped_")], lambda: contacts)
+    def of_frame(
+        cls, scene: Scene, step: int, frame: Frame, contacts: int = 0, unwrapped: np.ndarray | None = None
+    ) -> View:
+        """The view of a frame; `unwrapped` positions [m], by default those of the frame."""
+        columns = {**frame, "unwrapped_position": frame["position"] if unwrapped is None else unwrapped}
+        return cls(scene, step, columns.__getitem__, lambda: contacts)
 
     @property
     def time(self) -> float:

@@ -16,13 +16,21 @@ from gpudem.scene import law_parameters
 from gpudem.scene.overlaps import MAX_START_OVERLAP, find_overlaps, lattice_within
 from gpudem.scene.scene_warnings import rounded_times, unexpected, without_effect
 from gpudem.scene.sections import MAX_PARTICLES, Box
-from gpudem.scene.time_step import USUAL_CONTACT, USUAL_RAYLEIGH, contact_time, rayleigh_time
+from gpudem.scene.time_step import (
+    USUAL_CONTACT,
+    USUAL_RAYLEIGH,
+    contact_time,
+    position_spacing,
+    rayleigh_time,
+)
 
 if TYPE_CHECKING:
     from gpudem.scene.model import Scene
 
 #: Largest time step: share of the Rayleigh time, and of the contact time (5 steps in a contact).
 MAX_RAYLEIGH, MAX_CONTACT = 0.5, 0.2
+#: Largest distance of neighboring positions in floating-point numbers, relative to the smallest radius.
+MAX_SPACING = 0.01
 #: Time steps in a period of a vibrating plane, at least.
 MIN_PERIOD = 10
 #: A trace [bytes] above this may fill the memory: 15 float64 numbers for each particle and row.
@@ -71,6 +79,7 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
                 run_check(_time_step, "time", "contact", "gravity", "allow")
             run_check(_vibration, "time", "solver", "allow")
         run_check(_trace, "time", "output", "allow")
+        run_check(_position_spacing, "solver", "allow")
     return found
 
 
@@ -367,6 +376,19 @@ def step_warnings(scene: Scene) -> list[str]:
     if scene.time.step <= limit * (1 + 1e-12):
         return []
     return [f"time.step = {scene.time.step:g} s: above the usual {what}, {limit:.3g} s"]
+
+
+def _position_spacing(scene: Scene) -> list[str]:
+    """Positions too coarse to resolve an overlap: floating-point numbers at the far corner of the domain."""
+    spacing, corner = position_spacing(scene)
+    smallest = float(scene.state.radius.min())
+    if spacing <= MAX_SPACING * smallest or "rounding" in scene.allow:
+        return []
+    return [
+        f"solver.precision = {scene.solver.precision!r}: positions at {corner:g} m (domain) are"
+        f" {spacing:.2g} m apart, more than {MAX_SPACING:g} of the smallest radius, {smallest:g} m: put the"
+        " domain near the origin, or take 'mixed' or 'float64'; waive with allow = ['rounding']"
+    ]
 
 
 def _trace(scene: Scene) -> list[str]:

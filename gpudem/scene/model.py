@@ -64,7 +64,7 @@ class Scene(Model):
     output: Output = Output()
     solver: Solver = Solver()
     allow: tuple[
-        Literal["time_step", "unusual_units", "overlap", "large_overlap", "speed", "memory"], ...
+        Literal["time_step", "unusual_units", "overlap", "large_overlap", "speed", "memory", "rounding"], ...
     ] = ()
     """Checks and guards waived by name for this scene."""
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from gpudem.contact import registry
 from gpudem.scene.sections import FromFile, Lattice
-from gpudem.scene.time_step import step_for
+from gpudem.scene.time_step import position_spacing, step_for
 
 if TYPE_CHECKING:
     from gpudem.scene.model import Scene
@@ -226,7 +226,7 @@ def _gate(scene: Scene, wall: Wall) -> Iterator[str]:
 
 def unexpected(scene: Scene) -> list[str]:
     """A scene in which nothing moves, or everything leaves, or whose frames fill the disk."""
-    found = []
+    found = list(_lost_steps(scene))
     state, needs = scene.state, scene.needs
     moved = needs.gravity or needs.vibration or state.velocity.any() or state.angular_velocity.any()
     if not moved and not {"overlap", "large_overlap"} & set(scene.allow):
@@ -237,3 +237,17 @@ def unexpected(scene: Scene) -> list[str]:
     if size > MANY_BYTES:
         found.append(f"output.frames_every: the frames take about {size / 1e9:.1f} GB")
     return found
+
+
+def _lost_steps(scene: Scene) -> Iterator[str]:
+    """Motion that rounding of the positions loses."""
+    spacing, corner = position_spacing(scene)
+    fall = float(np.sqrt(4 * np.linalg.norm(scene.gravity) * scene.state.radius.min()))  # by one diameter
+    speed = max(fall, float(np.linalg.norm(scene.state.velocity, axis=1).max()))
+    if speed > 0 and spacing > 0.1 * speed * scene.time.step:
+        moved = speed * scene.time.step
+        yield (
+            f"solver.precision = {scene.solver.precision!r}: positions at {corner:g} m are {spacing:.2g} m"
+            f" apart, and {speed:.3g} m/s moves {moved:.2g} m in a step: motion is rounded off;"
+            " take 'mixed' or a smaller domain"
+        )

@@ -109,6 +109,9 @@ class Contact(Model):
     """Clip the normal force at zero (no attraction late in a rebound)."""
     tangential_damping: Flag = True
     """Tangential dashpot; with `no_history` it is the whole tangential force."""
+    frictionless_dashpot: Flag = False
+    """As in LIGGGHTS, a contact with friction 0 in a scene with friction elsewhere feels the tangential
+    dashpot of `history` at each set-up (start, removal of a gate); by default it has no tangential force."""
     characteristic_velocity: Annotated[float, positive("m/s")] | None = None
     """Impact speed at which `hooke` is as stiff as `hertz` [m/s]."""
 

@@ -17,6 +17,13 @@ if TYPE_CHECKING:
 USUAL_RAYLEIGH, USUAL_CONTACT = 0.2, 0.05
 
 
+def position_spacing(scene: Scene) -> tuple[float, float]:
+    """(distance of neighboring floating-point numbers [m], coordinate [m]) where positions are coarsest."""
+    corner = max(abs(c) for c in (*scene.domain.lo, *scene.domain.hi))
+    kind = np.float32 if scene.solver.precision == "float32" else np.float64
+    return float(np.spacing(kind(corner))), corner
+
+
 def rayleigh_time(scene: Scene) -> float:
     """Smallest Rayleigh time [s] of the particles, pi R sqrt(rho/G) / (0.1631 nu + 0.8766).
 

@@ -12,7 +12,7 @@ from gpudem.output.directory import begin
 from gpudem.output.run import Run, Timing
 from gpudem.scene import Scene, checks
 from reference.liggghts import binary as program
-from reference.liggghts import dump, recorded
+from reference.liggghts import dump, limits, recorded
 from reference.liggghts.deck import RAW, TRACE, render
 from reference.liggghts.errors import LiggghtsFailed, LiggghtsNotFound
 from reference.liggghts.runner import execute
@@ -66,7 +66,7 @@ def run(
         peak_memory_bytes=outcome.peak_memory_bytes,
     )  # fmt: skip
     notes = {"deck_hash": deck.hash, "ranks": ranks, "recorded": False, "binary": binary, **console.counts}
-    warnings = [*checks.warnings(scene), *console.warnings, *left_out]
+    warnings = [*checks.warnings(scene), *limits.warnings(scene), *console.warnings, *left_out]
     result = Run("liggghts", console.version, scene, directory, timing, warnings, notes, traced, history)
     result.save()
     return result

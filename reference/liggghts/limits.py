@@ -11,6 +11,24 @@ MIN_RESTITUTION = 0.05
 MIN_CHARACTERISTIC_VELOCITY = 0.01
 
 
+def warnings(scene: Scene) -> list[str]:
+    """What LIGGGHTS does otherwise than the scene says, one sentence each.
+
+    Its tangential law `history` applies the dashpot at each set-up without regard to friction, and one deck
+    cannot give some pairs of particles another tangential law (pair_style hybrid of two `gran` crashes).
+    """
+    contact = scene.contact
+    at_setup = scene.needs.history and contact.tangential_damping and not contact.frictionless_dashpot
+    without = [p for p in scene.contact_pairs if p.friction == 0] if at_setup else []
+    if not without or not (scene.needs.gate or scene.start_overlap > 0):
+        return []
+    names = ", ".join(" / ".join(pair.materials) for pair in without)
+    return [
+        f"pairs {names}: friction = 0 beside pairs with friction: LIGGGHTS applies its tangential dashpot"
+        " to their contacts at each set-up; contact.frictionless_dashpot = true does so in gpudem"
+    ]
+
+
 def check(scene: Scene) -> None:
     """Raises LiggghtsCannotState listing every item of the scene that LIGGGHTS cannot state."""
     found = [_restitution(p) for p in scene.contact_pairs if _too_inelastic(scene, p)]

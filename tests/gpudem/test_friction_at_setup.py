@@ -76,10 +76,6 @@ def turning(scene: Scene, rows: list[int], **options) -> tuple[float, float]:
     return float(np.abs(force).max()), float(np.abs(spin).max())
 
 
-XFAIL = pytest.mark.xfail(strict=True, reason="the dashpot acts at a set-up without regard to friction")
-
-
-@XFAIL
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("what", MIXED)
 def test_at_the_start(law, what):
@@ -89,7 +85,6 @@ def test_at_the_start(law, what):
     assert spin == 0.0
 
 
-@XFAIL
 @pytest.mark.parametrize("options", [{"integrator": "path"}, {"precision": "mixed"}], ids=["path", "mixed"])
 def test_for_every_way_to_step(options):
     friction, rows = MIXED["a wall"]
@@ -98,7 +93,6 @@ def test_for_every_way_to_step(options):
     assert spin == 0.0
 
 
-@XFAIL
 def test_at_the_removal_of_a_gate():
     """The second set-up finds the same contacts, in motion."""
     friction, rows = MIXED["a wall"]

@@ -116,7 +116,7 @@ def test_a_rounded_interval_is_a_warning():
 
 
 def test_a_hook_may_write():
-    """Before, at and after the removal of a gate: the same bits as of a simulation that is stepped by hand."""
+    """Before, at and after the removal of a gate: the bits of a simulation stepped by hand."""
 
     def kick(sim):
         if sim.step_count in (500, 1500, 1600):

@@ -57,7 +57,7 @@ def test_at_the_start_forces_are_those_of_the_set_up():
 
 
 def test_gates_go_when_they_should():
-    """Through the removal of a gate, and beyond the scene's duration; catches one that stays or goes early."""
+    """Through the removal of a gate, and past the duration; catches one that stays or goes early."""
     walls = [w.model_dump() for w in falling_bed().walls]
     scene = bed(walls=[walls[0], {**walls[1], "removed_at": 0.004}])
     frame = finish(Solver(scene))

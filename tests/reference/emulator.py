@@ -229,6 +229,8 @@ def _add_contacts(scene: Scene, c: Contacts, x, v, w, f, t, update: bool) -> Non
     if not touching.any():
         return
     kn, kt, cn, ct = (k[touching] for k in _coefficients(scene, c, np.maximum(overlap, 0.0)))
+    if not scene.contact.frictionless_dashpot:
+        ct = np.where(c.of("friction")[touching] > 0, ct, 0.0)
     n, overlap, i = n[touching], overlap[touching], c.i[touching]
     j = None if c.j is None else c.j[touching]
     arm_i = scene.state.radius[i] - overlap / 2

@@ -96,10 +96,14 @@ def rebound() -> Scene:
 
 
 def start_in_contact() -> Scene:
-    """Overlap and sliding speed at t = 0: the set-up forces; the wall has no friction, the pair has."""
+    """Overlap and sliding speed at t = 0: the set-up forces; the wall has no friction, the pair has.
+
+    With the tangential dashpot that LIGGGHTS applies to the wall at the set-up all the same.
+    """
     return scene(
         "start_in_contact", [[0, 0, 0.00298], [0.0003, 0, 0.00894]], [[0.1, 0, 0], [-0.2, 0.1, 0]], steps=800,
         walls=[FLOOR], gravity=(1.0, 2.0, -9.81), wall_pair={"friction": 0.0},
+        contact={"frictionless_dashpot": True},
     )  # fmt: skip
 
 
