@@ -10,6 +10,8 @@ import numpy as np
 
 from comparisons import render
 from gpudem.errors import GpudemError
+from gpudem.output.atomic import replacing
+from gpudem.output.directory import load_scene
 from gpudem.output.frames import Frames
 from gpudem.output.vtu import PVD, Frame
 from gpudem.scene import Scene
@@ -54,10 +56,9 @@ def animate(
         GpudemError: no frames, unknown column or ending, no encoder.
     """
     frames, images = _drawn(directory, out, view, color, width, progress)
-    try:
-        _write_mp4(images, out, fps) if out.suffix.lower() == ".mp4" else _write_gif(images, out, fps)
-    except OSError as error:
-        raise GpudemError(f"{out}: cannot be written: {error.strerror or error}") from None
+    with replacing(out) as partial:
+        write = _write_mp4 if out.suffix.lower() == ".mp4" else _write_gif
+        write(images, partial, fps)
     return len(frames)
 
 
@@ -91,10 +92,7 @@ def _open(directory: Path, out: Path) -> tuple[Scene, Frames]:
         raise GpudemError(f"{out}: unknown ending {out.suffix!r}; known: {', '.join(ENDINGS)}")
     if out.suffix.lower() == ".mp4":
         _encoder()
-    try:
-        scene = Scene.from_json((directory / "scene.json").read_text(), str(directory / "scene.json"))
-    except OSError as error:
-        raise GpudemError(f"{directory / 'scene.json'}: {error.strerror}: not the folder of a run") from None
+    scene = load_scene(directory)
     frames = Frames.open(directory)
     if len(frames) == 0:
         raise GpudemError(f"{directory / PVD}: no frames; state output.frames_every in the scene")
@@ -172,7 +170,13 @@ def _write_mp4(images: Iterator[Any], out: Path, fps: float) -> None:
         for image in images:
             if writer is None:
                 writer = _encoder().write_frames(
-                    str(out), image.size, fps=fps, codec="libx264", macro_block_size=2, quality=7
+                    str(out),
+                    image.size,
+                    fps=fps,
+                    codec="libx264",
+                    macro_block_size=2,
+                    quality=7,
+                    output_params=["-f", "mp4"],
                 )
                 writer.send(None)
             writer.send(np.asarray(image).tobytes())

@@ -21,6 +21,7 @@ import psutil
 from comparisons.beds import STEP, bench_scene
 from comparisons.bench_worker import Measured
 from gpudem.errors import GpudemError
+from gpudem.output.atomic import write_text
 from gpudem.solver.device import cores as usable_cores
 from gpudem.solver.device import find_device
 
@@ -227,7 +228,7 @@ class Bench:
             "summary": summary(self.rows, self.bandwidths), "scaling": scaling(self.rows),
             "memory": memory(self.rows), "rows": [dataclasses.asdict(r) for r in self.rows],
         }  # fmt: skip
-        out.write_text(json.dumps(data, indent=1, default=str))
+        write_text(out, json.dumps(data, indent=1, default=str))
 
 
 def earlier(out: Path) -> Bench:
@@ -236,7 +237,14 @@ def earlier(out: Path) -> Bench:
 
     if not out.is_file():
         raise GpudemError(f"--append: {out}: no such file")
-    data, now = json.loads(out.read_text()), collect()
+    try:
+        data, now = json.loads(out.read_text()), collect()
+        return _continued(out, data, now)
+    except (ValueError, KeyError, TypeError) as error:
+        raise GpudemError(f"--append: {out}: not written by `gpudem bench`: {error!r}") from None
+
+
+def _continued(out: Path, data: dict[str, Any], now: dict[str, Any]) -> Bench:
     for what in ("commit", "hardware"):
         if data["provenance"][what] != now[what]:
             raise GpudemError(

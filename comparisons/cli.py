@@ -1,11 +1,18 @@
 """The command line.
 
-Exit codes: 0 all checks hold, 1 a check fails, 2 bad input, 3 a code could not run, 130 Ctrl-C.
+Exit codes: 0 all checks hold, 1 a check fails, 2 bad input, 3 a code could not run or output could not be
+written, 130 stopped by Ctrl-C, SIGTERM or SIGHUP.
 """
 
 from __future__ import annotations
 
+import contextlib
+import errno
+import os
 import signal
+import sys
+import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +25,8 @@ from gpudem.errors import GpudemError, SceneError
 from gpudem.extras import from_extra
 
 BAD_INPUT, COULD_NOT_RUN, INTERRUPTED = 2, 3, 130
+#: What ends a run in order: what is there is saved first. SIGHUP is that of a terminal that closes.
+STOPS = (signal.SIGTERM, signal.SIGHUP)
 
 DEVICE = click.option(
     "--device", default="cpu", show_default=True, help="Warp device of gpudem: cpu, cuda:0."
@@ -35,7 +44,42 @@ QUIET = click.option("-q", "--quiet", is_flag=True, help="No progress.")
 SCENE = click.argument("scene", type=click.Path(path_type=Path))
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+class _Failure(GpudemError):
+    """The machine, not the user's input, is in the way: disk full, closed pipe, no memory."""
+
+    exit_code = COULD_NOT_RUN
+
+
+@contextlib.contextmanager
+def _one_line() -> Iterator[None]:
+    """Errors of the system as errors of ours. Raises GpudemError in place of OSError and MemoryError."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise _Failure("the output was closed before all was written to it (broken pipe)") from None
+    except OSError as error:
+        where = error.filename if isinstance(error.filename, str) else "the output"
+        kind = (
+            _Failure if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO) else GpudemError
+        )
+        raise kind(f"{where}: {error.strerror or error}") from error
+    except MemoryError as error:
+        raise _Failure(f"not enough memory{f': {error}' if str(error) else ''}") from error
+
+
+class _App(click.Group):
+    """A group in which a closed pipe is an error of ours, not click's silent exit code 1."""
+
+    def make_context(self, *arguments: Any, **options: Any) -> click.Context:
+        with _one_line():
+            return super().make_context(*arguments, **options)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        with _one_line():
+            return super().invoke(ctx)
+
+
+@click.group(cls=_App, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
 @click.version_option(__version__)
 def app() -> None:
     """Discrete element method on NVIDIA Warp, cross-validated against LIGGGHTS."""
@@ -131,7 +175,8 @@ def compare(
     **options: Any,
 ) -> int:
     """Run cases (default: all) through the codes; write results.json, junit.xml and report.html."""
-    from comparisons import execute, progress, provenance, recorded_cases
+    from comparisons import execute, progress, recorded_cases
+    from comparisons.cli_scene import output_directory
     from comparisons.discover import find_cases, select
 
     names = tuple(dict.fromkeys(name.strip() for name in chosen.split(",") if name.strip()))
@@ -143,15 +188,13 @@ def compare(
     cases = select(find_cases(), case, tier)
     if not cases:
         raise GpudemError(f"no case in the {tier} tier")
-    directory = (
-        execute.own_directory(out) if out else execute.new_directory(Path("runs"), provenance.commit()[0])
-    )
-    reporter = progress.reporter(quiet)
-    reporter.say(f"report: {directory / 'report.html'} (rewritten after every case)")
-    session = execute.Session(
-        cases, directory, tier=tier, selected=names, options=codes.Options(**options), reporter=reporter
-    )
-    result = session.run()
+    with output_directory(out) as directory:
+        reporter = progress.reporter(quiet)
+        reporter.say(f"report: {directory / 'report.html'} (rewritten after every case)")
+        session = execute.Session(
+            cases, directory, tier=tier, selected=names, options=codes.Options(**options), reporter=reporter
+        )
+        result = session.run()
     for path in recorded_cases.keep(result, directory) if record else []:
         click.echo(f"kept: {path}", err=True)
     n = result.counts()
@@ -216,23 +259,55 @@ def info() -> int:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return its exit code; our own errors are printed without traceback."""
-    signal.signal(signal.SIGTERM, _interrupt)
     try:
-        with from_extra():  # commands import what they need
+        with _stops(), from_extra():  # commands import what they need
             return app.main(arguments, prog_name="gpudem", standalone_mode=False) or 0
     except SceneError as error:
-        click.echo(str(error), err=True)
-        return BAD_INPUT
+        return _end(str(error), BAD_INPUT)
     except GpudemError as error:
-        click.echo(f"error: {error}", err=True)
-        return getattr(error, "exit_code", BAD_INPUT)
+        return _end(f"error: {error}", getattr(error, "exit_code", BAD_INPUT))
     except click.ClickException as error:
-        error.show()
+        with contextlib.suppress(OSError):
+            error.show()
         return BAD_INPUT
     except (KeyboardInterrupt, click.Abort):
-        click.echo("interrupted", err=True)
-        return INTERRUPTED
+        return _end("interrupted", INTERRUPTED)
+
+
+@contextlib.contextmanager
+def _stops() -> Iterator[None]:
+    """SIGTERM and SIGHUP end the block as Ctrl-C does.
+
+    One that is ignored from the start stays so: SIGHUP under `nohup`, and SIGINT of a job in the background.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in STOPS}
+    for number, handler in before.items():
+        if handler is not signal.SIG_IGN:
+            signal.signal(number, _interrupt)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler if handler is not None else signal.SIG_DFL)
 
 
 def _interrupt(signum: int, frame: Any) -> None:
     raise KeyboardInterrupt
+
+
+def _end(message: str, code: int) -> int:
+    """Print why a command ends, and see to it that nothing is written to an output that is closed."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except (OSError, ValueError):
+            with contextlib.suppress(OSError, ValueError):  # not a file: output captured by a test
+                null = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(null, stream.fileno())
+                os.close(null)
+    with contextlib.suppress(OSError, ValueError):
+        click.echo(message, err=True)
+    return code

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+import json
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +12,7 @@ import click
 
 from comparisons import codes, execute, progress, provenance, setup_table
 from gpudem.errors import GpudemError
+from gpudem.output.directory import RUN
 from gpudem.output.restart import FILE, Restart
 from gpudem.output.run import Run
 from gpudem.scene import Scene
@@ -25,18 +28,40 @@ class RunError(GpudemError):
 def run(path: Path, code: str, options: codes.Options, out: Path | None, quiet: bool) -> int:
     """Run a scene file through one code into a folder; Ctrl-C keeps the frames written so far."""
     scene = Scene.from_toml(path)
-    directory = (
-        execute.own_directory(out) if out else execute.new_directory(Path("runs"), provenance.commit()[0])
-    )
-    (directory / "scene.json").write_text(scene.to_json())
-    return _shown(
-        scene, path, code, directory, quiet,
-        lambda step: codes.CODES[code].run(scene, directory, options, step, {}),
-    )  # fmt: skip
+
+    def start(step: codes.Progress) -> Run:
+        result = codes.CODES[code].run(scene, directory, options, step, {})
+        if not (directory / RUN).is_file():
+            result.save()
+        return result
+
+    with output_directory(out) as directory:
+        return _shown(scene, path, code, directory, quiet, start)
+
+
+@contextlib.contextmanager
+def output_directory(out: Path | None) -> Iterator[Path]:
+    """The folder of the user's choice, or a new one under runs/; removed if nothing was written to it.
+
+    Raises GpudemError: not empty, or not to be written.
+    """
+    existed = out is not None and out.is_dir()
+    if out:
+        directory = execute.own_directory(out)
+    else:
+        directory = execute.new_directory(Path("runs"), provenance.commit()[0])
+    try:
+        yield directory
+    finally:
+        if not existed and directory.is_dir() and not any(directory.iterdir()):
+            directory.rmdir()
+            latest = directory.parent / execute.LATEST
+            if out is None and latest.is_symlink() and not latest.exists():
+                latest.unlink()
 
 
 def resume(directory: Path, device: str, threads: int | None, quiet: bool) -> int:
-    """Go on with a run of gpudem from its restart file."""
+    """Continue a run of gpudem from its restart file."""
     from gpudem import driver
 
     restart = Restart.load(directory)
@@ -44,36 +69,63 @@ def resume(directory: Path, device: str, threads: int | None, quiet: bool) -> in
     return _shown(
         restart.scene, directory, "gpudem", directory, quiet,
         lambda step: driver.resume(directory, device=device, threads=threads, progress=step),
+        done=restart.step,
     )  # fmt: skip
 
 
 def _shown(
-    scene: Scene, what: Path, code: str, directory: Path, quiet: bool, start: Callable[[codes.Progress], Run]
+    scene: Scene,
+    what: Path,
+    code: str,
+    directory: Path,
+    quiet: bool,
+    start: Callable[[codes.Progress], Run],
+    done: int = 0,
 ) -> int:
-    """Run with progress and a last line; Ctrl-C keeps what is on disk. Raises RunError."""
+    """Run with progress and a last line, from step `done`; what is on disk stays. Raises RunError."""
     reporter = progress.reporter(quiet)
     reporter.say(f"{scene.name}: {len(scene.state)} particles, {scene.n_steps} steps -> {directory}")
     before = scene_checks.scene_warnings(scene) if code == "event_driven" else scene_checks.warnings(scene)
     for warning in before:
         click.echo(f"warning: {warning}", err=True)
     reporter.begin(scene.name, len(scene.state), scene.n_steps)
+    reporter.pace.done = done
     try:
         result = start(reporter.step)
     except KeyboardInterrupt:
         reporter.close()
-        click.echo(f"interrupted at step {reporter.pace.done}; what is on disk stays: {directory}", err=True)
+        step = _last_step(directory, reporter.pace.done)
+        click.echo(f"interrupted at step {step}{_stays(directory)}", err=True)
         if (directory / FILE).is_file():
-            click.echo(f"go on with: gpudem resume {directory}", err=True)
+            click.echo(f"continue with: gpudem resume {directory}", err=True)
         return 130
     except GpudemError as error:
-        raise RunError(
-            f"{codes.title(code)} could not run {what}: {error}\nwhat is on disk stays: {directory}"
-        ) from error
+        raise RunError(f"{codes.title(code)} could not run {what}: {error}{_stays(directory)}") from error
     finally:
         reporter.end()
         reporter.close()
     for warning in (w for w in result.warnings if w not in before):
         click.echo(f"warning: {warning}", err=True)
+    _summary(result, code)
+    click.echo(directory / "run.pvd")
+    return 0
+
+
+def _stays(directory: Path) -> str:
+    """Where to find what there is, if there is anything."""
+    return f"; what is on disk stays: {directory}" if any(directory.iterdir()) else ""
+
+
+def _last_step(directory: Path, seen: int) -> int:
+    """The step of an interrupted run by its own notes; else the last one of which was told."""
+    try:
+        return int(json.loads((directory / RUN).read_text())["notes"]["interrupted_at_step"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return seen
+
+
+def _summary(result: Run, code: str) -> None:
+    """How fast it was, and by which neighbour list."""
     t = result.timing
     cores = f"{t.cores} {'rank' if code == 'liggghts' else 'core'}{'s' if t.cores > 1 else ''}"
     click.echo(
@@ -87,8 +139,6 @@ def _shown(
             f"{kind}, skin {chosen['skin']:.4g} m, cells {cells}, sorted along"
             f" {', '.join(chosen['slowest_first'])} (slowest first); rebuilt {result.notes['rebuilds']} times"
         )
-    click.echo(directory / "run.pvd")
-    return 0
 
 
 def animate(directory: Path, out: Path, quiet: bool, **options: Any) -> int:

@@ -6,7 +6,8 @@ import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-from comparisons.results import CheckResult, Comparison, write_atomically
+from comparisons.results import CheckResult, Comparison
+from gpudem.output.atomic import write_bytes
 
 JUNIT = "junit.xml"
 
@@ -17,7 +18,7 @@ _ILLEGAL = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 
 def write(comparison: Comparison, directory: Path) -> None:
     """Write DIRECTORY/junit.xml."""
-    write_atomically(directory / JUNIT, xml(comparison))
+    write_bytes(directory / JUNIT, xml(comparison))
 
 
 def xml(comparison: Comparison) -> bytes:

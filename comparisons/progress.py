@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import sys
 import time
@@ -85,7 +86,8 @@ class Plain(Reporter):
     def say(self, line: str) -> None:
         """Print now."""
         self.last = time.monotonic()
-        print(line, file=self.stream, flush=True)
+        with contextlib.suppress(OSError):  # a log or pipe that is closed does not end the run
+            print(line, file=self.stream, flush=True)
 
 
 class Live(Reporter):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib.metadata
+import os
 import platform
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from gpudem.kernel_cache import kernel_cache
 from gpudem.scene import Scene
 
 
@@ -38,14 +40,26 @@ def utc_now() -> str:
 
 
 def commit() -> tuple[str, bool]:
-    """(short commit of this tree, whether it has uncommitted changes); ("unknown", False) outside git."""
-    here = Path(__file__).resolve().parent
+    """(short commit of this tree, whether it has uncommitted changes).
+
+    ("unknown", False) outside git, and for a package that is installed within another repository, whose
+    commit is not that of the package.
+    """
+    root = Path(__file__).resolve().parent.parent
+    # set within a hook or by `git rebase --exec`, for a repository that need not be this one
+    named = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")
+    environment = {k: v for k, v in os.environ.items() if k not in named}
 
     def git(*arguments: str) -> str:
-        command = ["git", "-C", str(here), *arguments]
-        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=20).stdout.strip()
+        done = subprocess.run(
+            ["git", "-C", str(root), *arguments],
+            capture_output=True, text=True, check=True, timeout=20, env=environment,
+        )  # fmt: skip
+        return done.stdout.strip()
 
     try:
+        if Path(git("rev-parse", "--show-toplevel")).resolve() != root:
+            return "unknown", False
         return git("rev-parse", "--short", "HEAD"), bool(git("status", "--porcelain", "--untracked-files=no"))
     except (OSError, subprocess.SubprocessError):
         return "unknown", False
@@ -71,7 +85,7 @@ def gpus() -> list[str]:
 
     from gpudem.solver.device import quiet
 
-    with quiet():
+    with kernel_cache(), quiet():
         warp.init()
     return [f"{d.name} ({d.total_memory / 2**30:.0f} GiB, sm_{d.arch})" for d in warp.get_cuda_devices()]
 

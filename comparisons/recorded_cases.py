@@ -14,8 +14,9 @@ from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
-from comparisons.results import Artefact, CaseResult, Comparison, Recorded, write_atomically
+from comparisons.results import Artefact, CaseResult, Comparison, Recorded
 from gpudem.errors import GpudemError
+from gpudem.output.atomic import write_bytes
 
 FOLDER = Path(__file__).parent / "recorded" / "full"
 
@@ -40,7 +41,7 @@ def keep(comparison: Comparison, directory: Path, folder: Path = FOLDER) -> list
         )
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / f"{case.name}.json"
-        write_atomically(path, _FORM.dump_json(recorded, indent=1) + b"\n")
+        write_bytes(path, _FORM.dump_json(recorded, indent=1) + b"\n")
         written.append(path)
     return written
 

@@ -12,7 +12,8 @@ from markupsafe import Markup
 from comparisons import codes, recorded_cases, report_view
 from comparisons.numbers import number
 from comparisons.progress import duration, quantity
-from comparisons.results import Artefact, Comparison, write_atomically
+from comparisons.results import Artefact, Comparison
+from gpudem.output.atomic import write_bytes
 
 REPORT = "report.html"
 
@@ -47,7 +48,7 @@ COLLECTED = {
 def write(comparison: Comparison, directory: Path) -> Path:
     """Write DIRECTORY/report.html and return its path."""
     path = directory / REPORT
-    write_atomically(path, html(comparison, directory).encode())
+    write_bytes(path, html(comparison, directory).encode())
     return path
 
 

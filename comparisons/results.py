@@ -15,6 +15,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from comparisons.case import Mark, Section, Tier
 from comparisons.numbers import number
 from gpudem.errors import GpudemError
+from gpudem.output.atomic import write_bytes
 
 #: Raised by one whenever a field changes its name or meaning.
 SCHEMA_VERSION = 1
@@ -224,14 +225,7 @@ class Comparison:
     def save(self, directory: Path) -> None:
         """Write results.json, whole or not at all."""
         data = TypeAdapter(Comparison).dump_json(self, indent=1)
-        write_atomically(directory / RESULTS, data)
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """A reader sees the old file or the new one, never a part."""
-    partial = path.with_name(path.name + ".part")
-    partial.write_bytes(data)
-    partial.replace(path)
+        write_bytes(directory / RESULTS, data)
 
 
 def load(directory: Path) -> Comparison:

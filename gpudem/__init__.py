@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpudem._version import __version__
 from gpudem.errors import GpudemError, SceneError, SimulationError
+from gpudem.hooks import Hook, every
 from gpudem.output.run import Run
 from gpudem.scene import Scene
 
@@ -30,12 +31,14 @@ if TYPE_CHECKING:
 
 __all__ = [
     "GpudemError",
+    "Hook",
     "Run",
     "Scene",
     "SceneError",
     "Simulation",
     "SimulationError",
     "__version__",
+    "every",
     "resume",
     "simulate",
 ]

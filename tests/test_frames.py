@@ -185,6 +185,28 @@ def test_broken_pvd(content: bytes, tmp_path: Path) -> None:
         Frames.open(tmp_path)
 
 
+OUTSIDE = ["/etc/passwd", "../other/p.vtu", "frames/../../p.vtu", "C:/p.vtu", "..\\p.vtu", "//host/p.vtu"]
+
+
+@pytest.mark.parametrize("name", OUTSIDE)
+def test_a_pvd_that_points_out_of_its_folder(name: str, tmp_path: Path) -> None:
+    """Of a foreign folder: nothing outside it is opened, whatever its run.pvd says."""
+    write_pvd(tmp_path / "run.pvd", [(0.0, 0, "frames/p.vtu"), (1.0, 0, name)])
+    with pytest.raises(FrameError, match=r"run\.pvd: file = .* is outside the folder of the run; not read"):
+        Frames.open(tmp_path)
+
+
+def test_a_pvd_with_dots_in_its_names(tmp_path: Path) -> None:
+    write_pvd(tmp_path / "run.pvd", [(0.0, 0, "frames/p..vtu"), (1.0, 0, "./a.b/..p.vtu")])
+    assert len(Frames.open(tmp_path)) == 2
+
+
+def test_a_pvd_in_an_unknown_encoding(tmp_path: Path) -> None:
+    (tmp_path / "run.pvd").write_bytes(b"<?xml version='1.0' encoding='nonsense'?><VTKFile/>")
+    with pytest.raises(FrameError, match=r"run\.pvd: truncated or corrupted"):
+        Frames.open(tmp_path)
+
+
 def test_no_pvd(tmp_path: Path) -> None:
     with pytest.raises(FrameError, match=r"run\.pvd: no such file"):
         Frames.open(tmp_path)

@@ -11,8 +11,10 @@ import numpy as np
 from gpudem.errors import SceneError
 from gpudem.event_driven.engine import Engine
 from gpudem.event_driven.problem import HardSphereProblem
+from gpudem.kernel_cache import kernel_cache
+from gpudem.output.directory import check_writable
 from gpudem.output.recorder import Recorder
-from gpudem.output.run import Run, Timing
+from gpudem.output.run import Run, Timing, conclude
 from gpudem.output.vtu import Frame
 from gpudem.process import peak_memory, version
 from gpudem.scene import Scene, checks
@@ -59,25 +61,24 @@ def run(
     _check_budget(scene, budget)
     path = None if directory is None else Path(directory)
     problem = HardSphereProblem.from_scene(scene, guard, tangential_restitution)
+    if path is not None:
+        check_writable(path)
+    with kernel_cache():
+        engine = Engine(problem, cell_edge)
     recorder = Recorder(scene, path)
-    events = _EventRun(scene, Engine(problem, cell_edge), recorder)
+    events = _EventRun(scene, engine, recorder)
     setup_s = time.perf_counter() - began
     notes: dict[str, object] = {"scene_hash": scene.hash, "guard": guard}
     notes["tangential_restitution"] = tangential_restitution
+    failure: BaseException | None = None
     try:
         with recorder:
             events.simulate(budget, progress)
-    except KeyboardInterrupt:
-        notes["interrupted_at_step"] = events.step
-        raise
+    except KeyboardInterrupt as error:
+        failure, notes["interrupted_at_step"] = error, events.step
     except Exception as error:
-        notes["failed"] = str(error)
-        raise
-    finally:
-        result = events.result(path or Path(), notes, setup_s)
-        if path is not None:
-            result.save()
-    return result
+        failure, notes["failed"] = error, str(error)
+    return conclude(events.result(path or Path(), notes, setup_s), path is not None, failure)
 
 
 def _check_budget(scene: Scene, budget: int | None) -> None:
@@ -120,7 +121,7 @@ class _EventRun:
             counts, sums = self.engine.counts, self.engine.sums
             row = (counts.collisions, counts.walls, sums.work, sums.dissipated, sums.virial)
             self._event_rows.append(row)
-        self.recorder.add(self.step, self._frame(), 0)
+        self.recorder.add(self.step, self._frame(), unwrapped=self.engine.unwrapped_positions())
         self._output_s += time.perf_counter() - start
 
     def _frame(self) -> Frame:

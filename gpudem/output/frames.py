@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from gpudem.output.atomic import WriteError, replacing
+from gpudem.output.directory import FRAMES
 from gpudem.output.vtu import PVD, Frame, read_pvd, read_vtu, write_pvd, write_vtu
 from gpudem.scene import Scene
 from gpudem.scene.sections import Wall
@@ -28,24 +30,34 @@ class FrameWriter:
     """Writes frames/p_<step>.vtu and, after each, run.pvd, so that an aborted run still opens."""
 
     def __init__(self, directory: Path, scene: Scene, resumed_at: int | None = None):
-        """`resumed_at`: keep the entries of run.pvd up to this step; later frames are written anew."""
+        """`resumed_at`: the frames up to this step are on disk; those after it are written again.
+
+        Raises WriteError.
+        """
         self.directory, self.scene = directory, scene
-        (directory / "frames").mkdir(parents=True, exist_ok=True)
+        try:
+            (directory / FRAMES).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise WriteError(directory / FRAMES, error) from error
         self._entries: list[tuple[float, int, str]] = []
-        if resumed_at is not None and (directory / PVD).is_file():
-            limit = (resumed_at + 0.5) * scene.time.step
-            self._entries = [entry for entry in read_pvd(directory / PVD) if entry[0] < limit]
         self._walls = [(a, self._write_walls(k, walls)) for k, (a, _, walls) in enumerate(scene.segments)]
+        if resumed_at is not None:
+            for step in range(0, resumed_at + 1, scene.frame_stride):
+                self._enter(step)
+            write_pvd(self.directory / PVD, self._entries)
 
     def add(self, step: int, frame: Frame) -> None:
         """Write one frame at `step` and bring the .pvd up to date."""
-        time, name = step * self.scene.time.step, f"frames/p_{step:09d}.vtu"
-        write_vtu(self.directory / name, frame)
-        self._entries.append((time, 0, name))
+        write_vtu(self.directory / _name(step), frame)
+        self._enter(step)
+        write_pvd(self.directory / PVD, self._entries)
+
+    def _enter(self, step: int) -> None:
+        time = step * self.scene.time.step
+        self._entries.append((time, 0, _name(step)))
         walls = [name for start, name in self._walls if start < step or start == 0][-1]
         if walls:
             self._entries.append((time, 1, walls))
-        write_pvd(self.directory / PVD, self._entries)
 
     def _write_walls(self, k: int, walls: list[Wall]) -> str | None:
         if not walls:
@@ -53,9 +65,15 @@ class FrameWriter:
         import meshio
 
         points, quads = _walls_mesh(walls, np.array(self.scene.domain.lo), np.array(self.scene.domain.hi))
-        name = f"frames/walls_{k}.vtu"
-        meshio.Mesh(points, [("quad", quads)]).write(self.directory / name, binary=True, compression=None)
+        name = f"{FRAMES}/walls_{k}.vtu"
+        with replacing(self.directory / name) as partial:
+            mesh = meshio.Mesh(points, [("quad", quads)])
+            mesh.write(partial, file_format="vtu", binary=True, compression=None)
         return name
+
+
+def _name(step: int) -> str:
+    return f"{FRAMES}/p_{step:09d}.vtu"
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What is kept of a run while it goes: frames on disk, trace of few particles, bulk quantities in time."""
+"""The output of a run while it advances: frames on disk, trace of few particles, observables in time."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gpudem.errors import GpudemError
+from gpudem.output import observables
+from gpudem.output.directory import begin, begin_again
 from gpudem.output.frames import FrameWriter
+from gpudem.output.observables import Observable
 from gpudem.output.restart import Restart
-from gpudem.output.run import HISTORY_COLUMNS, TRACE_COLUMNS
+from gpudem.output.run import TRACE_COLUMNS
+from gpudem.output.view import View
 from gpudem.output.vtu import Frame
 from gpudem.scene import Scene
 
@@ -19,94 +22,86 @@ if TYPE_CHECKING:
     import pandas
 
 
-def bulk(scene: Scene, frame: Frame, mass: np.ndarray, step: int, contacts: int) -> tuple[float, ...]:
-    """One row of the history, in the order of HISTORY_COLUMNS; energies [J], front and centre of mass [m]."""
-    inertia = 0.4 * mass * frame["radius"] ** 2  # mutate: moments_of_inertia
-    centre = mass @ frame["position"] / mass.sum()  # mutate: centre_of_mass
-    # mutate: history_row
-    return (
-        step,
-        step * scene.time.step,
-        0.5 * float(mass @ (frame["velocity"] ** 2).sum(axis=1)),
-        0.5 * float(inertia @ (frame["angular_velocity"] ** 2).sum(axis=1)),
-        -float(mass.sum() * (centre @ np.array(scene.gravity))),
-        contacts,
-        float(frame["position"][:, 0].max()),
-        *centre.tolist(),
-    )
-
-
 class Recorder:
-    """Collects the output of one run. `due(step)`: is anything wanted at a step; `next_after`: when.
+    """Collects the output of one run: frames on disk, trace and history in memory.
 
-    Frames are written by a thread of their own while the run goes on, one at a time; `settle` waits for it.
+    Frames are written by a thread of their own while the run goes on, one at a time; `flush` waits for it.
     """
 
     def __init__(self, scene: Scene, directory: Path | None, resumed: Restart | None = None):
-        self.scene, self.mass = scene, scene.masses
-        output = scene.output
-        self.frame_stride = scene.frame_stride if directory is not None else None
-        self.trace_stride, self.history_stride = (
-            scene.stride(output.trace_every),
-            scene.stride(output.history_every),
-        )
+        """With a directory, it is made that of this run (`begin`, `begin_again`). Raises WriteError."""
+        self.scene = scene
+        output, on_disk = scene.output, directory is not None
+        self.frame_stride = scene.frame_stride if on_disk else None
+        self.trace_stride = scene.stride(output.trace_every)
+        self.history_stride = scene.stride(output.history_every)
+        self.restart_stride = scene.stride(output.restart_every) if on_disk else None
         self.writer = None
         if directory is not None:
-            try:
-                directory.mkdir(parents=True, exist_ok=True)
-                self.writer = FrameWriter(directory, scene, resumed.step if resumed else None)
-            except OSError as error:
-                raise GpudemError(f"{directory}: cannot be written: {error.strerror}") from error
+            if resumed:
+                begin_again(directory, resumed.step)
+            else:
+                begin(directory, scene)
+            self.writer = FrameWriter(directory, scene, resumed.step if resumed else None)
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="frames")
         self._writing: Future[None] | None = None
         self._trace: list[tuple[int, Frame]] = []
+        self._columns: list[Observable] | None = None
         self._history: list[tuple[float, ...]] = []
-        self.restart_stride = scene.stride(output.restart_every) if directory is not None else None
         if resumed:
             self._take(resumed.recorded)
 
-    def _strides(self) -> list[int]:
-        strides = (self.frame_stride, self.trace_stride, self.history_stride, self.restart_stride)
-        return [s for s in strides if s]
+    # -- which steps ---------------------------------------------------------------------------------------
 
-    def due(self, step: int) -> bool:
-        """Whether this step is to be written."""
-        return any(step % stride == 0 for stride in self._strides())
+    def is_output_step(self, step: int) -> bool:
+        """Whether a frame, the trace or the history has an entry at this step."""
+        strides = (self.frame_stride, self.trace_stride, self.history_stride)
+        return any(step % stride == 0 for stride in strides if stride)
 
-    def next_after(self, step: int) -> int:
-        """The next step to be written (the last step of the run if none is)."""
-        return min([(step // s + 1) * s for s in self._strides()], default=self.scene.n_steps)
-
-    def restart_due(self, step: int) -> bool:
+    def is_restart_step(self, step: int) -> bool:
         """Whether a restart file is to be written at this step."""
         return bool(self.restart_stride) and step % self.restart_stride == 0 and 0 < step < self.scene.n_steps
 
-    def saved(self) -> dict[str, np.ndarray]:
-        """What is kept in memory, for a restart file; frames are on disk."""
-        kept = {"history": np.array(self._history)} if self._history else {}
-        if self._trace:
-            kept["trace.step"] = np.array([step for step, _ in self._trace])
-            kept |= {f"trace.{k}": np.stack([f[k] for _, f in self._trace]) for k in TRACE_COLUMNS}
-        return kept
+    def next_after(self, step: int) -> int:
+        """The next step at which anything is to be written (the last step of the run if none is)."""
+        strides = (self.frame_stride, self.trace_stride, self.history_stride, self.restart_stride)
+        return min([(step // s + 1) * s for s in strides if s], default=self.scene.n_steps)
 
-    def _take(self, saved: dict[str, np.ndarray]) -> None:
-        self._history = [tuple(row) for row in saved.get("history", np.empty((0, 0))).tolist()]
-        for k, step in enumerate(saved.get("trace.step", np.empty(0, int)).tolist()):
-            self._trace.append((step, {name: saved[f"trace.{name}"][k] for name in TRACE_COLUMNS}))
+    # -- recording -----------------------------------------------------------------------------------------
 
-    def add(self, step: int, frame: Frame, contacts: int, work: float | None = None) -> None:
-        """Keep what is wanted of this step; `work` of moving walls so far [J], where there are any."""
+    def record(self, view: View) -> None:
+        """Take what is wanted of the step of a view.
+
+        Raises:
+            SimulationError: a particle's position or velocity is not a number.
+            WriteError: the frame before this one could not be written.
+        """
+        step = view.step
         if self.trace_stride and step % self.trace_stride == 0:
-            self._trace.append((step, {k: frame[k] for k in TRACE_COLUMNS}))
+            self._trace.append((step, {name: view.numpy(name) for name in TRACE_COLUMNS}))
         if self.history_stride and step % self.history_stride == 0:
-            row = bulk(self.scene, frame, self.mass, step, contacts)
-            self._history.append(row if work is None else (*row, work))
+            if self._columns is None:
+                self._columns = self._chosen(view)
+            row = (step, view.time, *(column(view) for column in self._columns))
+            if not np.isfinite(row).all():
+                view.require_finite()
+            self._history.append(row)
         if self.writer and self.frame_stride and step % self.frame_stride == 0:
-            self.settle()
-            self._writing = self._pool.submit(self.writer.add, step, frame)
+            self.flush()
+            self._writing = self._pool.submit(self.writer.add, step, view.frame())
 
-    def settle(self) -> None:
-        """Wait until the last frame is on disk. Raises what went wrong in writing it."""
+    def add(self, step: int, frame: Frame, contacts: int = 0, unwrapped: np.ndarray | None = None) -> None:
+        """As `record`, for a code that has the step as a frame, and `unwrapped` positions [m]."""
+        self.record(View.of_frame(self.scene, step, frame, contacts, unwrapped))
+
+    def _chosen(self, view: View) -> list[Observable]:
+        names = self.scene.output.history
+        if names is None:
+            names = observables.DEFAULT if view.wall_work is None else (*observables.DEFAULT, "work")
+        return [observables.get(name) for name in names]
+
+    def flush(self) -> None:
+        """Wait until the last frame is on disk. Raises the error of its writing."""
         writing, self._writing = self._writing, None
         if writing is not None:
             writing.result()
@@ -116,9 +111,31 @@ class Recorder:
 
     def __exit__(self, *error: object) -> None:
         try:
-            self.settle()
+            self.flush()
         finally:
             self._pool.shutdown()
+
+    # -- restart -------------------------------------------------------------------------------------------
+
+    def saved(self) -> dict[str, np.ndarray]:
+        """What is in memory, for a restart file; frames are on disk."""
+        stored: dict[str, np.ndarray] = {}
+        if self._columns is not None:
+            stored["history"] = np.array(self._history)
+            stored["history.columns"] = np.array([column.name for column in self._columns])
+        if self._trace:
+            stored["trace.step"] = np.array([step for step, _ in self._trace])
+            stored |= {f"trace.{k}": np.stack([f[k] for _, f in self._trace]) for k in TRACE_COLUMNS}
+        return stored
+
+    def _take(self, saved: dict[str, np.ndarray]) -> None:
+        if "history" in saved:
+            self._columns = [observables.get(str(name)) for name in saved["history.columns"]]
+            self._history = [tuple(row) for row in saved["history"].tolist()]
+        for k, step in enumerate(saved.get("trace.step", np.empty(0, int)).tolist()):
+            self._trace.append((step, {name: saved[f"trace.{name}"][k] for name in TRACE_COLUMNS}))
+
+    # -- tables --------------------------------------------------------------------------------------------
 
     @property
     def trace(self) -> dict[str, np.ndarray] | None:
@@ -131,11 +148,11 @@ class Recorder:
 
     @property
     def history(self) -> pandas.DataFrame | None:
-        """Table of HISTORY_COLUMNS, and of `work` where walls move; None if not asked for."""
-        if not self._history:
+        """Table of step, time [s] and the scene's observables; None if not asked for."""
+        if not self._history or self._columns is None:
             return None
         import pandas
 
-        columns = (*HISTORY_COLUMNS, "work")[: len(self._history[0])]
-        table = pandas.DataFrame(self._history, columns=list(columns))
-        return table.astype({"step": int, "contacts": int})
+        names = [*observables.ALWAYS, *(column.name for column in self._columns)]
+        table = pandas.DataFrame(self._history, columns=names)
+        return table.astype({"step": int} | {c.name: int for c in self._columns if c.integer})

@@ -1,25 +1,27 @@
 """Restart files: the exact state of a run at one step, from which it goes on as if it had never stopped.
 
 DIRECTORY/restart.npz is written at every `output.restart_every` and replaced by the next one. It holds the
-scene, the device arrays as they are (order, lists, shear springs, rolling torques, half-step velocities) and
-what has been recorded so far; `gpudem.driver.resume` reads it.
+device arrays as they are (order, lists, shear springs, rolling torques, half-step velocities), what has been
+recorded so far, and the hash of the scene, which stands beside it; `gpudem.driver.resume` reads it.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import json
-import zipfile
 from pathlib import Path
 
 import numpy as np
 
 from gpudem.errors import GpudemError
+from gpudem.output import directory as folder
+from gpudem.output.archive import read_npz
+from gpudem.output.atomic import write_npz
 from gpudem.scene import Scene
 
-FILE = "restart.npz"
+FILE = folder.RESTART
 #: Counts up when what is in the file changes.
-VERSION = 2
+VERSION = 3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,43 +38,39 @@ class Restart:
     """Wall-clock time so far, by the fields of `Timing`."""
 
     def save(self, directory: Path) -> None:
-        """Write the file, whole or not at all. Raises GpudemError where it cannot be written."""
+        """Write the file beside the scene of the run, whole or not at all. Raises WriteError."""
         facts = {"version": VERSION, "step": self.step, "seconds": self.seconds}
-        partial = directory / "restart.part"
-        columns = {f"arrays.{k}": v for k, v in self.arrays.items()}
+        facts["scene_hash"] = self.scene.hash
+        columns = {"facts": np.array(json.dumps(facts))}
+        columns |= {f"arrays.{k}": v for k, v in self.arrays.items()}
         columns |= {f"recorded.{k}": v for k, v in self.recorded.items()}
-        try:
-            with partial.open("wb") as file:
-                np.savez(
-                    file,
-                    facts=np.array(json.dumps(facts)),
-                    scene=np.array(self.scene.to_json()),
-                    **columns,  # pyright: ignore[reportArgumentType]
-                )
-            partial.replace(directory / FILE)
-        except OSError as error:
-            raise GpudemError(f"{directory / FILE}: cannot be written: {error.strerror}") from error
+        write_npz(directory / FILE, columns)
 
     @classmethod
     def load(cls, directory: Path) -> Restart:
-        """Read DIRECTORY/restart.npz. Raises GpudemError: missing, broken, or of another version."""
+        """Read DIRECTORY/restart.npz and the scene beside it.
+
+        Raises:
+            GpudemError: a file is missing or broken, of another version, or of another scene.
+        """
         path = directory / FILE
         if not path.is_file():
             raise GpudemError(
                 f"{path}: no such file; a run writes it where its scene has output.restart_every"
             )
+        columns = read_npz(path)
         try:
-            with path.open("rb") as file:
-                columns = dict(np.load(file))
             facts = json.loads(str(columns["facts"]))
-            found, step, seconds = facts["version"], facts["step"], facts["seconds"]
-            scene = str(columns["scene"])
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            raise GpudemError(f"{path}: truncated or corrupted ({type(error).__name__}: {error})") from error
-        if found != VERSION:
-            raise GpudemError(f"{path}: written as version {found}, this gpudem reads version {VERSION}")
+            found = facts["version"]
+            if found != VERSION:
+                raise GpudemError(f"{path}: written as version {found}, this gpudem reads version {VERSION}")
+            step, seconds, stated = int(facts["step"]), dict(facts["seconds"]), facts["scene_hash"]
+        except (ValueError, KeyError, TypeError) as error:
+            raise GpudemError(f"{path}: not a restart file ({type(error).__name__}: {error})") from error
+        scene = folder.load_scene(directory)
+        folder.require_hash(path, stated, scene)
 
         def group(prefix: str) -> dict[str, np.ndarray]:
             return {k.removeprefix(prefix): v for k, v in columns.items() if k.startswith(prefix)}
 
-        return cls(Scene.from_json(scene, str(path)), step, group("arrays."), group("recorded."), seconds)
+        return cls(scene, step, group("arrays."), group("recorded."), seconds)

@@ -7,14 +7,16 @@ velocity [m/s], angular_velocity [rad/s], radius [m], force [N], torque [N m].
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from pathlib import Path
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 import numpy as np
 
 from gpudem.errors import GpudemError
+from gpudem.output.atomic import replacing
 
 Frame = dict[str, np.ndarray]
+
 
 PVD = "run.pvd"
 
@@ -30,9 +32,8 @@ def write_vtu(path: Path, frame: Frame) -> None:
     n = len(frame["position"])
     data: dict[str, Any] = {k: np.ascontiguousarray(v) for k, v in frame.items()}
     mesh = meshio.Mesh(data["position"], [("vertex", np.arange(n).reshape(-1, 1))], point_data=data)
-    partial = path.with_suffix(".part")
-    mesh.write(partial, file_format="vtu", binary=True, compression=None)
-    partial.replace(path)  # a killed run leaves no half-written frame under its final name
+    with replacing(path) as partial:
+        mesh.write(partial, file_format="vtu", binary=True, compression=None)
 
 
 def read_vtu(path: Path) -> Frame:
@@ -61,17 +62,23 @@ def write_pvd(path: Path, entries: list[tuple[float, int, str]]) -> None:
     for time, part, name in entries:
         ElementTree.SubElement(collection, "DataSet", timestep=repr(time), part=str(part), file=name)
     ElementTree.indent(root)
-    partial = path.with_suffix(".part")
-    ElementTree.ElementTree(root).write(partial, xml_declaration=True)
-    partial.replace(path)
+    with replacing(path) as partial:
+        ElementTree.ElementTree(root).write(partial, xml_declaration=True)
 
 
 def read_pvd(path: Path) -> list[tuple[float, int, str]]:
-    """What `write_pvd` wrote. Raises FrameError if it is missing or broken."""
+    """What `write_pvd` wrote. Raises FrameError: missing, broken, or naming a file outside its folder."""
     if not path.is_file():
         raise FrameError(f"{path}: no such file; the run wrote no frames here")
     try:
         sets = ElementTree.parse(path).getroot().findall("Collection/DataSet")
-        return [(float(s.attrib["timestep"]), int(s.attrib["part"]), s.attrib["file"]) for s in sets]
-    except (ElementTree.ParseError, KeyError, ValueError) as error:
+        entries = [(float(s.attrib["timestep"]), int(s.attrib["part"]), s.attrib["file"]) for s in sets]
+    except OSError as error:
+        raise FrameError(f"{path}: cannot be read: {error.strerror}") from error
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
         raise FrameError(f"{path}: truncated or corrupted ({type(error).__name__}: {error})") from error
+    for _, _, name in entries:
+        windows = PureWindowsPath(name)  # takes / and \ for separators
+        if PurePosixPath(name).is_absolute() or windows.anchor or ".." in windows.parts:
+            raise FrameError(f"{path}: file = {name!r} is outside the folder of the run; not read")
+    return entries

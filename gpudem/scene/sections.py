@@ -20,10 +20,13 @@ from pydantic import (
     SerializeAsAny,
     Tag,
     TypeAdapter,
+    ValidationInfo,
+    field_validator,
 )
 from pydantic_core import PydanticCustomError
 
-from gpudem.scene.files import OneOf
+from gpudem.output import observables
+from gpudem.scene.files import OneOf, nearest
 from gpudem.scene.types import (
     Flag,
     Flags,
@@ -422,17 +425,41 @@ class Time(Model):
     """Of step = "auto": largest position error in a contact, as a share of its largest overlap."""
 
 
+def _observable_name(value: str) -> str:
+    if value in observables.ALWAYS:
+        raise ValueError(f"is a column of every history; observables: {', '.join(observables.names())}")
+    if observables.find(value) is None:
+        raise ValueError(f"unknown observable{nearest(value, observables.names())}")
+    return value
+
+
+ObservableName = Annotated[str, AfterValidator(_observable_name)]
+
+
 class Output(Model):
-    """What is kept, each as an interval in seconds, rounded to whole steps (at least one)."""
+    """What is written, each at an interval in seconds, rounded to whole steps (at least one)."""
 
     frames_every: Annotated[float, positive("s")] | None = None
     """VTU frames of all particles."""
     trace_every: Annotated[float, positive("s")] | None = None
     """Full-precision table of every particle (for scenes of few particles)."""
     history_every: Annotated[float, positive("s")] | None = None
-    """Bulk quantities: energies, contacts, front, centre of mass."""
+    """Observables in time."""
+    history: Annotated[tuple[ObservableName, ...], Field(min_length=1)] | None = None
+    """Names of the observables (`gpudem.output.observables`); default: kinetic, rotational and potential
+    energy, contacts, front_x, centre of mass, and the work of moving walls where there are any."""
     restart_every: Annotated[float, positive("s")] | None = None
-    """The exact state, from which `gpudem resume` goes on; each file replaces the last. gpudem alone."""
+    """The exact state, from which `gpudem resume` continues; each file replaces the last. gpudem only."""
+
+    @field_validator("history")
+    @classmethod
+    def _has_an_effect(cls, value: tuple[str, ...] | None, info: ValidationInfo) -> tuple[str, ...] | None:
+        repeated = [name for name in value or () if value is not None and value.count(name) > 1]
+        if repeated:
+            raise ValueError(f"{repeated[0]!r} is named more than once")
+        if value is not None and "history_every" in info.data and info.data["history_every"] is None:
+            raise ValueError("has no effect without output.history_every")
+        return value
 
 
 class Solver(Model):

@@ -372,34 +372,40 @@ class Solver:
 
     # -- reading -------------------------------------------------------------------------------------------
 
+    def column(self, name: str) -> np.ndarray:
+        """One column of the written step in order of id, float64, shape (n, 3).
+
+        A column of a frame, or "unwrapped_position": as if it had not been moved through periodic sides [m].
+
+        Raises:
+            SimulationError: a position or velocity that is not a number (NaN); names particle and time.
+        """
+        state, host, output = self.state, self.state.host, self.state.output
+        row = host(state.particles.id)
+        if name in ("angular_velocity", "torque") and not self.spec.rotation:
+            return np.zeros((state.n, 3))
+        found, values = np.empty((state.n, 3)), {"unwrapped_position": "position"}.get(name, name)
+        array = host(self._written)["position"] if values == "position" else host(getattr(output, name))
+        found[row] = array  # mutate: rows_by_id
+        if values in ("position", "velocity") and not np.isfinite(found).all():
+            i = int(np.argwhere(~np.isfinite(found))[0][0])
+            at = f"t = {self.step_count * self.scene.time.step:.9g} s (step {self.step_count})"
+            raise SimulationError(f"particle {i + 1} has a {values} that is not a number (NaN) at {at}")
+        if name == "unwrapped_position" and any(self.scene.domain.periodic):
+            image = np.empty((state.n, 3))
+            image[row] = host(state.particles.image)
+            found += image * (np.array(self.scene.domain.hi) - np.array(self.scene.domain.lo))
+        return self._inside(found) if name == "position" else found
+
     def frame(self) -> Frame:
         """The written step as a table in order of id, float64. Raises SimulationError for NaN in it."""
-        state, scene = self.state, self.scene
-        host = state.host
-        row = host(state.particles.id)
-
-        def by_id(values: np.ndarray) -> np.ndarray:
-            out = np.empty((state.n, 3))
-            out[row] = values  # mutate: rows_by_id
-            return out
-
-        output, zeros = state.output, np.zeros((state.n, 3))
-        frame = {
-            "id": np.arange(1, state.n + 1, dtype=np.int64),
-            "material": scene.state.material.astype(np.int32),
-            "position": self._inside(by_id(host(self._written)["position"])),
-            "velocity": by_id(host(output.velocity)),
-            "angular_velocity": by_id(host(output.angular_velocity)) if self.spec.rotation else zeros,
-            "radius": scene.state.radius,
-            "force": by_id(host(output.force)),
-            "torque": by_id(host(output.torque)) if self.spec.rotation else zeros,
+        return {
+            "id": np.arange(1, self.state.n + 1, dtype=np.int64),
+            "material": self.scene.state.material.astype(np.int32),
+            **{name: self.column(name) for name in ("position", "velocity", "angular_velocity")},
+            "radius": self.scene.state.radius,
+            **{name: self.column(name) for name in ("force", "torque")},
         }
-        for name in ("position", "velocity"):
-            if not np.isfinite(frame[name]).all():
-                i = int(np.argwhere(~np.isfinite(frame[name]))[0][0])
-                at = f"t = {self.step_count * scene.time.step:.9g} s (step {self.step_count})"
-                raise SimulationError(f"particle {i + 1} has a {name} that is not a number (NaN) at {at}")
-        return frame
 
     def _inside(self, position: np.ndarray) -> np.ndarray:
         """Positions wrapped into the periodic sides (the solver itself wraps at a rebuild only)."""

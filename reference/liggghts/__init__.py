@@ -6,6 +6,9 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+from gpudem.output import observables
+from gpudem.output.atomic import WriteError
+from gpudem.output.directory import begin
 from gpudem.output.run import Run, Timing
 from gpudem.scene import Scene, checks
 from reference.liggghts import binary as program
@@ -46,13 +49,15 @@ def run(
             raise LiggghtsNotFound(
                 f"{error}\n  and no output is recorded for deck {deck.hash[:12]}"
             ) from None
-        _clear(directory)
+        _begin(directory, scene)
         return recorded.recall(deck.hash, scene, directory)
-    _clear(directory)
+    _begin(directory, scene)
     outcome = execute(deck, directory, binary, ranks=ranks, timeout=timeout, progress=progress)
     console = outcome.console
     traced = dump.trace(scene, directory / TRACE) if scene.output.trace_every is not None else None
-    history = dump.history(scene, console.blocks)
+    history, left_out = dump.history(scene, console.blocks), []
+    if history is not None:
+        history, left_out = observables.select(history, scene.output.history, "LIGGGHTS")
     dump.frames(scene, directory)
     timing = Timing(
         particles=len(scene.state), steps=scene.n_steps,
@@ -61,21 +66,19 @@ def run(
         peak_memory_bytes=outcome.peak_memory_bytes,
     )  # fmt: skip
     notes = {"deck_hash": deck.hash, "ranks": ranks, "recorded": False, "binary": binary, **console.counts}
-    result = Run(
-        "liggghts", console.version, scene, directory, timing,
-        [*checks.warnings(scene), *limits.warnings(scene), *console.warnings], notes, traced, history,
-    )  # fmt: skip
+    warnings = [*checks.warnings(scene), *limits.warnings(scene), *console.warnings, *left_out]
+    result = Run("liggghts", console.version, scene, directory, timing, warnings, notes, traced, history)
     result.save()
     return result
 
 
-def _clear(directory: Path) -> None:
+def _begin(directory: Path, scene: Scene) -> None:
     """Remove what an earlier run left, so that a failed run cannot pass for it. Raises LiggghtsFailed."""
     try:
-        for name in ("run.json", "run.pvd", "history.csv", "trace.npz"):
-            (directory / name).unlink(missing_ok=True)
-        for name in (RAW, "frames"):
-            if (directory / name).is_dir():
-                shutil.rmtree(directory / name)
+        begin(directory, scene)
+        if (directory / RAW).is_dir():
+            shutil.rmtree(directory / RAW)
     except OSError as error:
         raise LiggghtsFailed(f"{directory}: cannot be written: {error}") from error
+    except WriteError as error:
+        raise LiggghtsFailed(str(error)) from error

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from gpudem.errors import GpudemError
+from gpudem.output.directory import begin
 from gpudem.output.run import Run, Timing
 from gpudem.scene import Scene
 from reference.liggghts import binary as program
@@ -87,6 +88,7 @@ def run(
     deck, binary = chosen.edit(render(scene)), program.find_liggghts()
     notes: dict[str, Any] = {"deck_hash": deck.hash, "deviation": f"{deviation}: {chosen.what}"}
     traced, history = None, None
+    begin(directory, scene)
     began = time.monotonic()
     if chosen.watched:
         outcome = execute(deck, directory, binary, progress=progress)

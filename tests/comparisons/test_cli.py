@@ -92,7 +92,8 @@ def test_run_interrupted(here, capsys, monkeypatch):
 
     monkeypatch.setitem(codes.CODES, "gpudem", codes.Code("gpudem", run))
     assert cli.main(["run", "scene.toml", "-q", "--out", "r"]) == 130
-    assert capsys.readouterr().err == "interrupted at step 7; what is on disk stays: r\n"
+    assert capsys.readouterr().err == "interrupted at step 7\n"
+    assert not (here / "r").exists(), "nothing was written: the folder does not block the next run"
 
 
 def test_interrupted_and_resumed(tmp_path, capsys, monkeypatch):
@@ -113,7 +114,7 @@ def test_interrupted_and_resumed(tmp_path, capsys, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(driver, "Restart", Interrupted)
         assert cli.main(["run", "scene.toml", "-q", "--out", "r"]) == 130
-    assert "go on with: gpudem resume r" in capsys.readouterr().err
+    assert "continue with: gpudem resume r" in capsys.readouterr().err
     assert cli.main(["resume", "r", "-q"]) == 0
     out, err = capsys.readouterr()
     assert "from step 50" in err
@@ -185,7 +186,8 @@ def test_a_wrong_scene_lists_its_problems_as_they_are(here, capsys):
 def test_interrupting_the_command_keeps_the_results(tmp_path, number):
     """The real command in a process of its own, stopped while a code runs."""
     program = f"""
-import sys, time; sys.path.insert(0, {str(ROOT)!r})
+import signal, sys, time; sys.path.insert(0, {str(ROOT)!r})
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where the tests run in the background
 from comparisons import cli, codes, discover
 from tests.comparisons import fake
 def run(scene, directory, options, progress, extra):
@@ -215,3 +217,59 @@ sys.exit(cli.main(["compare", "--out", "c", "-q"]))
     assert stored["state"] == "interrupted"
     assert [r["code"] for r in stored["runs"]] == ["gpudem"]
     assert (tmp_path / "c" / "report.html").is_file()
+
+
+def test_progress_of_a_resumed_run_counts_from_its_restart(tmp_path, capsys, monkeypatch):
+    """Rate and time left are those of the steps done now; the last line counts all steps and their time."""
+    from comparisons import progress
+    from gpudem.output.restart import Restart
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.toml").write_text(SCENE + "[output]\nrestart_every = 5e-4\n")
+    assert cli.main(["run", "scene.toml", "-q", "--out", "r"]) == 0
+    first = Restart.load(tmp_path / "r")
+    assert first.step == 50
+    seen, clock = [], iter(range(1000))
+
+    class Watching(progress.Reporter):
+        def begin(self, what, particles, steps):
+            self.pace = progress.Pace(what, particles, steps, clock=lambda: float(next(clock)))
+
+        def step(self, done):
+            super().step(done)
+            seen.append((done, self.pace.rate))
+
+    class Eager(driver.PhaseTimer):
+        def __exit__(self, *error):
+            self._reported = -1.0
+            super().__exit__(*error)
+
+    monkeypatch.setattr(progress, "reporter", lambda quiet: Watching())
+    monkeypatch.setattr(driver, "PhaseTimer", Eager)
+    monkeypatch.setattr(driver, "CHUNK", 10)
+    assert cli.main(["resume", "r"]) == 0
+    assert seen[0] == (50, None), "the clock starts with what was done before"
+    rates = [rate for done, rate in seen if rate is not None]
+    assert seen[-1][0] == 100
+    assert max(rates) <= 10.0, "ten steps a tick of the clock at most: not 60"
+    out = capsys.readouterr().out
+    assert "100 steps of 1 particles" in out
+    timing = json.loads((tmp_path / "r" / "run.json").read_text())["timing"]
+    assert timing["steps"] == 100
+    assert timing["stepping_s"] > first.seconds["stepping_s"] > 0
+
+
+def test_a_run_interrupted_before_its_first_step_after_a_restart(tmp_path, capsys, monkeypatch):
+    """Not "interrupted at step 0": nothing of what was done is lost."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.toml").write_text(SCENE + "[output]\nrestart_every = 5e-4\n")
+    assert cli.main(["run", "scene.toml", "-q", "--out", "r"]) == 0
+
+    def stop(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(driver, "Solver", stop)
+    capsys.readouterr()
+    (tmp_path / "r" / "run.json").unlink()
+    assert cli.main(["resume", "r", "-q"]) == 130
+    assert "interrupted at step 50; what is on disk stays: r" in capsys.readouterr().err

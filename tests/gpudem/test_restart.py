@@ -32,7 +32,7 @@ def stopped_and_resumed(scene: Scene, directory, at: int, **options) -> Run:
             raise Stopped
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gpudem.driver._Clock.__exit__", _reporting(stop))
+        patch.setattr("gpudem.driver.PhaseTimer.__exit__", _reporting(stop))
         with pytest.raises(Stopped):
             run(scene, directory)
     assert Restart.load(directory).step <= at
@@ -40,9 +40,9 @@ def stopped_and_resumed(scene: Scene, directory, at: int, **options) -> Run:
 
 
 def _reporting(look):
-    from gpudem.driver import _Clock
+    from gpudem.driver import PhaseTimer
 
-    plain = _Clock.__exit__
+    plain = PhaseTimer.__exit__
 
     def leave(clock, *error):
         plain(clock, *error)
@@ -116,7 +116,7 @@ def test_a_broken_file(tmp_path):
     run(scene, tmp_path)
     whole = (tmp_path / FILE).read_bytes()
     (tmp_path / FILE).write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(GpudemError, match=r"restart\.npz: truncated or corrupted"):
+    with pytest.raises(GpudemError, match=r"restart\.npz: .*truncated"):
         resume(tmp_path)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gpudem.output import observables
 from gpudem.output.frames import FrameWriter
 from gpudem.run import HISTORY_COLUMNS, Run, Timing
 from gpudem.scene import Scene, checks
@@ -67,10 +68,13 @@ def recall(key: str, scene: Scene, directory: Path, folder: Path = FOLDER) -> Ru
     where = f"{facts['recorded']} on {facts['machine']} with {facts['version']}"
     warning = f"LIGGGHTS was not run here: recorded {where}; frames as {facts['frame_dtype']}"
     timing = Timing(len(scene.state), scene.n_steps, stepping_s=facts["stepping_s"], cores=facts["ranks"])
-    history = pandas.DataFrame(parts["history"], columns=list(HISTORY_COLUMNS)) if parts["history"] else None
+    history, left_out = None, []
+    if parts["history"]:
+        table = pandas.DataFrame(parts["history"], columns=list(HISTORY_COLUMNS))
+        history, left_out = observables.select(table, scene.output.history, "LIGGGHTS")
     run = Run(
         "liggghts", facts["version"], scene, directory, timing,
-        warnings=list(dict.fromkeys([*checks.warnings(scene), *facts["warnings"], warning])),
+        warnings=list(dict.fromkeys([*checks.warnings(scene), *facts["warnings"], *left_out, warning])),
         notes={"deck_hash": key, "ranks": facts["ranks"], "recorded": True, "provenance": facts},
         trace=parts["trace"] or None,
         history=history,

@@ -1,0 +1,128 @@
+"""The folder of a run: what stands in it, how a new run takes it over, and the scene that it holds.
+
+    scene.json     the resolved scene
+    particles.npz  its initial state, where the scene takes its particles from a file
+    run.json       code, version, timing, warnings, and the hash of the scene; written last
+    run.pvd        frames and walls with physical time, frames/p_<step>.vtu, frames/walls_<k>.vtu
+    history.csv    trace.npz  restart.npz
+
+A run needs nothing outside its folder: it can be moved, and the particle file that it came from may change.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import shutil
+from pathlib import Path
+
+from gpudem.errors import GpudemError
+from gpudem.output.atomic import WriteError, remove_temporary, write_npz, write_text
+from gpudem.output.vtu import PVD
+from gpudem.scene import FromFile, Scene
+from gpudem.scene.files import parse_json
+
+SCENE, PARTICLES, RUN = "scene.json", "particles.npz", "run.json"
+HISTORY, TRACE, RESTART, FRAMES = "history.csv", "trace.npz", "restart.npz", "frames"
+#: In the order in which they are removed: first what makes a folder a run.
+_FILES = (RUN, RESTART, HISTORY, TRACE, PVD, SCENE, PARTICLES)
+
+
+def check_writable(directory: Path) -> None:
+    """Raises WriteError where the folder cannot be made or written; creates nothing."""
+    place = directory.absolute()
+    while not place.exists() and place != place.parent:
+        place = place.parent
+    if not place.is_dir():
+        raise WriteError(directory, NotADirectoryError(20, f"{place} is not a folder"))
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise WriteError(directory, PermissionError(13, os.strerror(13)))
+
+
+def begin(directory: Path, scene: Scene) -> None:
+    """Make the folder that of a new run: what an older run of any code left is removed, the scene saved.
+
+    Only files of the names above are removed; others stay. Raises WriteError.
+    """
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise WriteError(directory, error) from error
+    remove_temporary(directory)
+    for name in _FILES:
+        _remove(directory / name)
+    frames = directory / FRAMES
+    if frames.is_dir():
+        remove_temporary(frames)
+        for path in [*frames.glob("p_*.vtu"), *frames.glob("walls_*.vtu")]:
+            _remove(path)
+        if not any(frames.iterdir()):
+            shutil.rmtree(frames, ignore_errors=True)
+    save_scene(directory, scene)
+
+
+def begin_again(directory: Path, step: int) -> None:
+    """Make the folder that of a run that goes on from `step`: what was written after it is removed.
+
+    Raises WriteError.
+    """
+    for name in (RUN, HISTORY, TRACE):
+        _remove(directory / name)
+    remove_temporary(directory)
+    if (directory / FRAMES).is_dir():
+        remove_temporary(directory / FRAMES)
+        for path in (directory / FRAMES).glob("p_*.vtu"):
+            number = path.stem.removeprefix("p_")
+            if number.isdigit() and int(number) > step:
+                _remove(path)
+
+
+def _remove(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise WriteError(path, error) from error
+
+
+def save_scene(directory: Path, scene: Scene) -> None:
+    """Write scene.json, and particles.npz where the particles come from a file. Raises WriteError."""
+    text = scene.to_json()
+    if isinstance(scene.particles, FromFile):
+        columns = {field.name: getattr(scene.state, field.name) for field in dataclasses.fields(scene.state)}
+        write_npz(directory / PARTICLES, columns)
+        data = json.loads(text)
+        data["particles"]["path"] = PARTICLES
+        text = json.dumps(data, indent=1)
+    write_text(directory / SCENE, text)
+
+
+def load_scene(directory: Path) -> Scene:
+    """The scene of a run with the particles that were run; a relative particle path counts from the folder.
+
+    Raises:
+        GpudemError: scene.json is missing or cannot be read.
+        SceneError: what stands in scene.json is not a scene, particles.npz is missing or broken.
+    """
+    path = directory / SCENE
+    try:
+        data = parse_json(path.read_text(encoding="utf-8"), str(path))
+    except UnicodeDecodeError as error:
+        raise GpudemError(f"{path}: not a text file: byte {error.start} is not UTF-8") from None
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise GpudemError(f"{path}: {error.strerror}: not the folder of a run") from None
+    except OSError as error:
+        raise GpudemError(f"{path}: cannot be read: {error.strerror}") from None
+    particles = data.get("particles")
+    if isinstance(particles, dict) and isinstance(particles.get("path"), str):
+        particles["path"] = str(directory / particles["path"])
+    return Scene(_source=str(path), **data)
+
+
+def require_hash(path: Path, stated: object, scene: Scene) -> None:
+    """Raises GpudemError where a file of a run states the hash of another scene than scene.json gives."""
+    if stated != scene.hash:
+        raise GpudemError(
+            f"{path}: of another scene (hash {str(stated)[:12]}) than {path.with_name(SCENE)} (hash"
+            f" {scene.hash[:12]}): the folder holds parts of two runs, or its scene or particles were changed"
+        )
