@@ -6,7 +6,7 @@ import contextlib
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import warp
 
@@ -16,7 +16,6 @@ from gpudem.output.directory import check_writable
 from gpudem.output.recorder import Recorder
 from gpudem.output.restart import Restart
 from gpudem.output.run import Run, Timing, conclude
-from gpudem.output.view import DeviceView, View
 from gpudem.process import peak_memory, version
 from gpudem.scene import Scene, checks
 from gpudem.simulation import Simulation
@@ -190,7 +189,6 @@ class _Output:
         self.simulation, self.recorder, self.timer, self.path = simulation, recorder, timer, path
         self.hooks = [(hook.stride(simulation.scene), hook.action) for hook in hooks]
         self._public = Simulation.of_solver(simulation)
-        self._device_arrays: dict[str, Any] = {}
 
     def next_after(self, step: int) -> int:
         """The next step that has output, a restart file or a hook."""
@@ -200,24 +198,10 @@ class _Output:
         """Write what is wanted of a step that the solver has written; the `last` of a segment is checked."""
         if last or self.recorder.is_output_step(step):
             with self.timer.output():
-                view = self.view(step)
+                view = self._public.view(step)
                 if last:
                     view.require_finite()
                 self.recorder.record(view)
-
-    def view(self, step: int) -> View:
-        """The state at full-step velocities; on a CUDA device it is reduced there."""
-        sim = self.simulation
-        if sim.device.is_cuda:
-            scalars = self._device_arrays
-            return DeviceView(sim.scene, step, self._read, scalars, sim.contact_count, sim.wall_work)
-        return View(sim.scene, step, sim.column, sim.contact_count, sim.wall_work)
-
-    def _read(self, name: str) -> Any:
-        if name == "unwrapped_position":  # asked for only where sides are periodic
-            array = self.simulation.column(name)
-            return warp.array(array, dtype=warp.vec3d, device=self.simulation.device)
-        return self._public.read(name)
 
     def call_hooks(self, step: int) -> None:
         """Call those whose step this is, after its output."""

@@ -18,6 +18,8 @@ import numpy as np
 import warp as wp
 
 from gpudem.errors import GpudemError
+from gpudem.output import observables
+from gpudem.output.view import DeviceView, View
 from gpudem.scene import Scene
 from gpudem.scene.sections import Wall
 from gpudem.solver.by_id import gather_by_id, position_by_id, scatter_by_id, set_body_by_id
@@ -52,6 +54,7 @@ class Simulation:
     def __init__(self, scene: Scene, device: str = "cpu", threads: int | None = None):
         self.scene = scene
         self._closed: str | None = None
+        self._scalars: dict[str, Any] = {}
         self._solver = Solver(scene, device, threads)
         try:
             self._solver.start(self._present(), write=True)
@@ -63,7 +66,7 @@ class Simulation:
     def of_solver(cls, solver: Solver) -> Simulation:
         """The same view of a solver that another loop steps, after it has written a full step."""
         self = cls.__new__(cls)
-        self.scene, self._solver, self._closed = solver.scene, solver, None
+        self.scene, self._solver, self._closed, self._scalars = solver.scene, solver, None, {}
         return self
 
     def __enter__(self) -> Simulation:
@@ -159,6 +162,28 @@ class Simulation:
         else:
             self._launch(gather_by_id(dtype), [ids, getattr(state.output, name)], [out])
         return out
+
+    def observe(self, name: str) -> float:
+        """An observable of the present full step, as a history has it (`gpudem.output.observables`).
+
+        Raises GpudemError: unknown name.
+        """
+        self._check_open()
+        return float(observables.get(name)(self.view(self.step_count)))
+
+    def view(self, step: int) -> View:
+        """The state at the written full step, as observables see it; on a CUDA device it is reduced there."""
+        solver = self._solver
+        if solver.device.is_cuda:
+            return DeviceView(
+                self.scene, step, self._column, self._scalars, solver.contact_count, solver.wall_work
+            )
+        return View(self.scene, step, solver.column, solver.contact_count, solver.wall_work)
+
+    def _column(self, name: str) -> wp.array:
+        if name == "unwrapped_position":  # asked for only where sides are periodic
+            return wp.array(self._solver.column(name), dtype=wp.vec3d, device=self.device)
+        return self.read(name)
 
     def write(self, name: str, values: Any) -> None:
         """Set position [m], velocity [m/s] or angular_velocity [rad/s] of all particles, by id.

@@ -150,6 +150,39 @@ def test_read_and_step_refuse():
             sim.run_until(1e-5)
 
 
+def test_observables_are_those_of_a_history():
+    """Catches an observable of half a step, or of another order of the particles."""
+    scene = bed(output={"history_every": 0.004})
+    history = gpudem.simulate(scene).history
+    with gpudem.Simulation(scene) as sim:
+        for row in history.itertuples():
+            sim.run_until(row.time)
+            for name in ("kinetic_energy", "rotational_energy", "contacts", "centre_z"):
+                assert sim.observe(name) == getattr(row, name), (name, row.time)
+        with pytest.raises(GpudemError, match="no observable 'heat'"):
+            sim.observe("heat")
+
+
+def test_a_hook_may_write():
+    """Velocities halved within a run: catches a write that the run's own loop overrides or does twice."""
+    found = []
+
+    def halve(sim):
+        if sim.step_count == 300:
+            sim.write("velocity", 0.5 * sim.read("velocity").numpy())
+        found.append(sim.observe("kinetic_energy"))
+
+    scene = bed(output={"history_every": 0.012})
+    run = gpudem.simulate(scene, hooks=[gpudem.every(100 * 2e-5, halve)])
+    with gpudem.Simulation(scene) as sim:
+        sim.step(300)
+        before = sim.observe("kinetic_energy")
+        sim.write("velocity", 0.5 * sim.read("velocity").numpy())
+        assert found[3] == sim.observe("kinetic_energy") == pytest.approx(before / 4)
+        sim.step(300)
+        assert run.history.kinetic_energy.iloc[-1] == sim.observe("kinetic_energy") == found[-1]
+
+
 def test_other_libraries_take_the_arrays():
     """DLPack and NumPy: without a copy on the CPU."""
     with gpudem.Simulation(gas()) as sim:
