@@ -10,6 +10,7 @@ import inspect
 import multiprocessing
 import pickle
 import pkgutil
+from pathlib import Path
 
 import pytest
 
@@ -40,7 +41,14 @@ def _example(kind: type[Exception]) -> Exception:
     """An instance, its arguments made up from the annotations of its own __init__."""
     if "__init__" not in vars(kind):
         return kind("what, where, what to do")
-    values = {"str": "text", "list[str]": ["one", "two"], "int": 3, "float": 0.5}
+    values = {
+        "str": "text",
+        "list[str]": ["one", "two"],
+        "int": 3,
+        "float": 0.5,
+        "Path": Path("run"),
+        "OSError": OSError(28, "No space left"),
+    }
     arguments = {}
     for name, parameter in list(inspect.signature(kind.__init__).parameters.items())[1:]:
         plain = str(parameter.annotation).removesuffix(" | None")

@@ -198,7 +198,7 @@ CASE = Case(
             catches="a position, a velocity or an overlap rounded to float32",
         ),
         Check(
-            name="scenes that come out wrong in float32 without a message",
+            name="scenes that come out wrong in float32 at the end of a run",
             measure=float32_fails, tolerance=math.inf, lo=1.0, unit="scenes", against="closed form", mark="A",
             reason="float32 is for soft contacts near the origin alone: shown failing where it fails",
             catches="a float32 mode that is not float32",

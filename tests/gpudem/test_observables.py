@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 import warp as wp
 
-from gpudem import driver
 from gpudem.driver import resume, simulate
 from gpudem.errors import GpudemError, SceneError, SimulationError
 from gpudem.output import observables
 from gpudem.output.run import HISTORY_COLUMNS, Run
 from gpudem.output.view import VECTORS, DeviceView, View
 from gpudem.scene import Output, Scene
+from gpudem.simulation import Simulation
 from gpudem.solver.solver import Solver
 from tests.gpudem.beds import falling_bed, gas
 
@@ -109,8 +109,8 @@ def test_only_what_is_asked_for_is_computed(monkeypatch):
 
 def test_a_restart_only_step_builds_nothing(monkeypatch, tmp_path):
     """No view of the state, and no column of it."""
-    asked, plain = [], driver._Output.view
-    monkeypatch.setattr(driver._Output, "view", lambda self, step: asked.append(step) or plain(self, step))
+    asked, plain = [], Simulation.view
+    monkeypatch.setattr(Simulation, "view", lambda self, step: asked.append(step) or plain(self, step))
     simulate(bed(history_every=None, restart_every=1e-3), tmp_path)
     assert set(asked) == {0, 300}, "the frames of start and end"
 
