@@ -54,7 +54,7 @@ def class_grids(scene: Scene, axes: list[int], block: int, precision: str) -> tu
     """
     size = np.array(scene.domain.hi) - np.array(scene.domain.lo)
     radius = np.sort(scene.state.radius)
-    tops = class_radii(radius)
+    tops = class_radii(radius, scene.skin + scene.contact_range)
     counts = np.diff(np.searchsorted(radius, tops, side="right"), prepend=0)
     blocks = -(-len(radius) // block)
     slabs = 1 if blocks == 1 else min(SLABS_PER_BLOCK * blocks, 4096)
@@ -81,7 +81,7 @@ def grid_functions(spec: Spec) -> SimpleNamespace:
     """Functions of the cells of a class.
 
     key_of(params, grids, p, radius) -> key of the cell of a particle at p.
-    row(params, grid, b, c) -> key of the first cell along the fastest axis, in row b, c.
+    layer(params, grid, c) -> key of the first cell of layer c along the slowest axis.
     covered(params, grid, axis, x, reach) -> first and last cell within reach of x along an axis; one of the
     two may lie outside the grid where the axis is periodic, and no cell comes twice.
     """
@@ -89,10 +89,11 @@ def grid_functions(spec: Spec) -> SimpleNamespace:
     Params, wide, wide3, Grid = t.Params, t.wide, t.wide3, grid_struct(spec.precision)
 
     @wp.func
-    def row(params: Params, grid: Grid, b: wp.int32, c: wp.int32):
-        na, nb = grid.cells[params.axes[0]], grid.cells[params.axes[1]]
-        slab, layer = c // grid.layers, c % grid.layers
-        return slab * grid.slab_keys + grid.first + (layer * nb + b) * na  # mutate: slab_of_row
+    def layer(params: Params, grid: Grid, c: wp.int32):
+        slab = c // grid.layers
+        cells = grid.cells[params.axes[0]] * grid.cells[params.axes[1]]
+        # mutate: slab_of_layer
+        return slab * grid.slab_keys + grid.first + (c - slab * grid.layers) * cells
 
     @wp.func
     def key_of(params: Params, grids: wp.array[Grid], p: wide3, radius: wide):
@@ -106,7 +107,8 @@ def grid_functions(spec: Spec) -> SimpleNamespace:
             if not (p[k] >= params.lo[k] and p[k] <= params.hi[k]):
                 s = wide(0.0)
             cell[k] = wp.min(wp.int32(s * grid.inv_cell_size[k]), grid.cells[k] - 1)
-        return row(params, grid, cell[params.axes[1]], cell[params.axes[2]]) + cell[params.axes[0]]
+        row = cell[params.axes[1]] * grid.cells[params.axes[0]]
+        return layer(params, grid, cell[params.axes[2]]) + row + cell[params.axes[0]]
 
     @wp.func
     def covered(params: Params, grid: Grid, axis: wp.int32, x: wide, reach: wide):
@@ -122,4 +124,4 @@ def grid_functions(spec: Spec) -> SimpleNamespace:
             return first, last
         return wp.max(first, 0), wp.min(last, n - 1)
 
-    return SimpleNamespace(key_of=key_of, row=row, covered=covered)
+    return SimpleNamespace(key_of=key_of, layer=layer, covered=covered)

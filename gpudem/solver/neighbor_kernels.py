@@ -419,7 +419,7 @@ def class_search(spec: Spec) -> Any:
     t = structs(spec.precision)
     Params, Particles, Grid = t.Params, t.Particles, grid_struct(spec.precision)
     get_int, search_span, functions = access(wp.int32).get, span_search(spec), grid_functions(spec)
-    row_of, covered = functions.row, functions.covered
+    layer_of, covered = functions.layer, functions.covered
 
     @wp.func
     def search(
@@ -443,8 +443,9 @@ def class_search(spec: Spec) -> Any:
             first_b, last_b = covered(params, grid, axis_b, x[axis_b], around)
             first_c, last_c = covered(params, grid, axis_c, x[axis_c], around)
             for at_c in range(first_c, last_c + 1):
+                layer = layer_of(params, grid, wrapped_cell(at_c, nc))
                 for at_b in range(first_b, last_b + 1):
-                    row = row_of(params, grid, wrapped_cell(at_b, nb), wrapped_cell(at_c, nc))
+                    row = layer + wrapped_cell(at_b, nb) * na
                     # cells along a lie side by side in the sorted order: one span, two where they wrap round
                     spans = wp.int32(1)
                     if left < 0 or right >= na:

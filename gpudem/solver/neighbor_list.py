@@ -44,8 +44,9 @@ def cell_grid(scene: Scene) -> tuple[tuple[int, int, int], np.ndarray]:
     """
     size = np.array(scene.domain.hi) - np.array(scene.domain.lo)
     radius = scene.state.radius
-    reach = radius.max() if len(class_radii(radius)) == 1 else radius.mean()
-    edge = 2 * float(reach) + scene.skin + scene.contact_range  # mutate: cell_edge
+    margin = scene.skin + scene.contact_range
+    reach = radius.max() if len(class_radii(radius, margin)) == 1 else radius.mean()
+    edge = 2 * float(reach) + margin  # mutate: cell_edge
     limit = 8 * len(scene.state) + 4096
     while math.prod(cells := tuple(max(1, math.floor(s / edge)) for s in size)) > limit:
         edge *= 1.26  # half as many cells

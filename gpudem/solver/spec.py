@@ -61,7 +61,7 @@ class Spec:
             periodic=scene.domain.periodic,
             multi_material=needs.several_materials,
             polydisperse=needs.several_radii,
-            size_classes=len(class_radii(scene.state.radius)) > 1,
+            size_classes=len(class_radii(scene.state.radius, scene.skin + scene.contact_range)) > 1,
             half_list=half_list,
         )
 
