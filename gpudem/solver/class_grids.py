@@ -37,8 +37,12 @@ def grid_struct(precision: str) -> Any:
 
     @wp.struct
     class Grid:
-        cells: wp.vec3i  # along x, y, z
+        # vectors: along the fastest axis of the sorted order, the middle one, the slowest
+        cells: wp.vec3i
         inv_cell_size: wide3  # cells per length [1/m]
+        lo: wide3  # lower corner of the domain [m]
+        hi: wide3  # upper corner of the domain [m]
+        is_periodic: wp.vec3i
         radius: wide  # the largest of the class [m]
         layers: wp.int32  # layers of cells in a slab
         first: wp.int32  # key of its first cell in the first slab
@@ -52,7 +56,8 @@ def class_grids(scene: Scene, axes: list[int], block: int, precision: str) -> tu
 
     At most eight cells a particle of the class (and 4096).
     """
-    size = np.array(scene.domain.hi) - np.array(scene.domain.lo)
+    lo, hi = np.array(scene.domain.lo)[axes], np.array(scene.domain.hi)[axes]
+    size = hi - lo
     radius = np.sort(scene.state.radius)
     tops = class_radii(radius, scene.skin + scene.contact_range)
     counts = np.diff(np.searchsorted(radius, tops, side="right"), prepend=0)
@@ -64,64 +69,74 @@ def class_grids(scene: Scene, axes: list[int], block: int, precision: str) -> tu
         edge = 2 * float(top) + scene.skin + scene.contact_range
         while True:
             cells = np.maximum(1, np.floor(size / edge)).astype(int)
-            layers = max(1, round(size[axes[2]] / edge / slabs))
-            cells[axes[2]] = slabs * layers
+            layers = max(1, round(size[2] / edge / slabs))
+            cells[2] = slabs * layers
             if math.prod(cells.tolist()) <= 8 * count + 4096:
                 break
             edge *= 1.26  # half as many cells
         grid["cells"], grid["inv_cell_size"], grid["radius"] = cells, cells / size, top
         grid["layers"], grid["first"] = layers, keys
         keys += math.prod(cells.tolist()) // slabs
-    grids["slab_keys"] = keys
+    grids["slab_keys"], grids["lo"], grids["hi"] = keys, lo, hi
+    grids["is_periodic"] = np.array(scene.domain.periodic)[axes]
     return grids, keys * slabs
 
 
 @functools.cache
 def grid_functions(spec: Spec) -> SimpleNamespace:
-    """Functions of the cells of a class.
+    """Functions of the cells of a class; vectors in the order of the axes in `Grid`.
 
-    key_of(params, grids, p, radius) -> key of the cell of a particle at p.
-    layer(params, grid, c) -> key of the first cell of layer c along the slowest axis.
-    covered(params, grid, axis, x, reach) -> first and last cell within reach of x along an axis; one of the
-    two may lie outside the grid where the axis is periodic, and no cell comes twice.
+    sorted_axes(params, p) -> p along the fastest axis, the middle one, the slowest.
+    key_of(grids, p, radius) -> key of the cell of a particle at p.
+    layer(grid, c) -> key of the first cell of layer c along the slowest axis.
+    covered(grid, k, p, reach) -> first and last cell within reach of p along the k-th axis; one of the two
+    may lie outside the grid where the axis is periodic, and no cell comes twice.
     """
     t = structs(spec.precision)
-    Params, wide, wide3, Grid = t.Params, t.wide, t.wide3, grid_struct(spec.precision)
+    wide, wide3, Grid = t.wide, t.wide3, grid_struct(spec.precision)
 
     @wp.func
-    def layer(params: Params, grid: Grid, c: wp.int32):
+    def component(p: wide3, axis: wp.int32):
+        return wp.where(axis == 0, p[0], wp.where(axis == 1, p[1], p[2]))
+
+    @wp.func
+    def sorted_axes(params: t.Params, p: wide3):
+        axes = params.axes
+        return wide3(component(p, axes[0]), component(p, axes[1]), component(p, axes[2]))
+
+    @wp.func
+    def above_lower_face(grid: Grid, k: wp.int32, p: wide3):
+        """Distance from the lower face; 0 of a lost particle, which was reported."""
+        return wp.where(p[k] >= grid.lo[k] and p[k] <= grid.hi[k], p[k] - grid.lo[k], wide(0.0))
+
+    @wp.func
+    def layer(grid: Grid, c: wp.int32):
         slab = c // grid.layers
-        cells = grid.cells[params.axes[0]] * grid.cells[params.axes[1]]
         # mutate: slab_of_layer
-        return slab * grid.slab_keys + grid.first + (c - slab * grid.layers) * cells
+        return slab * grid.slab_keys + grid.first + (c - slab * grid.layers) * grid.cells[0] * grid.cells[1]
 
     @wp.func
-    def key_of(params: Params, grids: wp.array[Grid], p: wide3, radius: wide):
+    def cell(grid: Grid, k: wp.int32, p: wide3):
+        s = above_lower_face(grid, k, p)
+        return wp.min(wp.int32(s * grid.inv_cell_size[k]), grid.cells[k] - 1)
+
+    @wp.func
+    def key_of(grids: wp.array[Grid], p: wide3, radius: wide):
         g = wp.int32(0)
         while g < grids.shape[0] - 1 and radius > grids[g].radius:  # mutate: class_of_particle
             g += 1
         grid = grids[g]
-        cell = wp.vec3i()
-        for k in range(3):
-            s = p[k] - params.lo[k]
-            if not (p[k] >= params.lo[k] and p[k] <= params.hi[k]):
-                s = wide(0.0)
-            cell[k] = wp.min(wp.int32(s * grid.inv_cell_size[k]), grid.cells[k] - 1)
-        row = cell[params.axes[1]] * grid.cells[params.axes[0]]
-        return layer(params, grid, cell[params.axes[2]]) + row + cell[params.axes[0]]
+        return layer(grid, cell(grid, 2, p)) + cell(grid, 1, p) * grid.cells[0] + cell(grid, 0, p)
 
     @wp.func
-    def covered(params: Params, grid: Grid, axis: wp.int32, x: wide, reach: wide):
-        s = x - params.lo[axis]
-        if not (x >= params.lo[axis] and x <= params.hi[axis]):
-            s = wide(0.0)  # lost: it was reported
-        n = grid.cells[axis]
-        first = wp.int32(wp.floor((s - reach) * grid.inv_cell_size[axis]))
-        last = wp.int32(wp.floor((s + reach) * grid.inv_cell_size[axis]))
-        if params.is_periodic[axis] != 0:
+    def covered(grid: Grid, k: wp.int32, p: wide3, reach: wide):
+        s, n = above_lower_face(grid, k, p), grid.cells[k]
+        first = wp.int32(wp.floor((s - reach) * grid.inv_cell_size[k]))
+        last = wp.int32(wp.floor((s + reach) * grid.inv_cell_size[k]))
+        if grid.is_periodic[k] != 0:
             if last - first + 1 >= n:  # mutate: whole_axis_once
                 return wp.int32(0), n - 1
             return first, last
         return wp.max(first, 0), wp.min(last, n - 1)
 
-    return SimpleNamespace(key_of=key_of, layer=layer, covered=covered)
+    return SimpleNamespace(sorted_axes=sorted_axes, key_of=key_of, layer=layer, covered=covered)

@@ -103,7 +103,8 @@ def cell_kernel(spec: Spec) -> Any:
     Params, Particles, Body, wide3 = t.Params, t.Particles, body_struct(spec), t.wide3
     px, py, pz = spec.periodic
     wrap = periodic_wrap(t.wide)
-    Grid, key_of = grid_struct(spec.precision), grid_functions(spec).key_of
+    Grid, functions = grid_struct(spec.precision), grid_functions(spec)
+    key_of, sorted_axes = functions.key_of, functions.sorted_axes
 
     @wp.kernel(module="unique", enable_backward=False)
     def cells(
@@ -151,7 +152,7 @@ def cell_kernel(spec: Spec) -> Any:
         fast, middle, slow = params.axes[0], params.axes[1], params.axes[2]  # mutate: sort_axes
         key[i] = (cell[slow] * params.cells[middle] + cell[middle]) * params.cells[fast] + cell[fast]
         if wp.static(spec.size_classes):
-            key[i] = key_of(params, grids, p, particles.radius[i])
+            key[i] = key_of(grids, sorted_axes(params, p), particles.radius[i])
         order[i] = i
 
     return cells
@@ -419,7 +420,7 @@ def class_search(spec: Spec) -> Any:
     t = structs(spec.precision)
     Params, Particles, Grid = t.Params, t.Particles, grid_struct(spec.precision)
     get_int, search_span, functions = access(wp.int32).get, span_search(spec), grid_functions(spec)
-    layer_of, covered = functions.layer, functions.covered
+    layer_of, covered, sorted_axes = functions.layer, functions.covered, functions.sorted_axes
 
     @wp.func
     def search(
@@ -432,18 +433,17 @@ def class_search(spec: Spec) -> Any:
         block = wp.int32(0)  # first particle of the block
         if wp.static(spec.half_list):
             block = i // params.block * params.block
-        # a, b, c: along the fastest axis of the sorted order, the middle one, the slowest
-        axis_a, axis_b, axis_c = params.axes[0], params.axes[1], params.axes[2]
         count, touching = wp.int32(0), wp.int32(0)
         for g in range(grids.shape[0]):
-            grid = grids[g]
-            na, nb, nc = grid.cells[axis_a], grid.cells[axis_b], grid.cells[axis_c]
+            grid, p = grids[g], sorted_axes(params, x)
+            # a, b, c: along the fastest axis of the sorted order, the middle one, the slowest
+            na, nb, nc = grid.cells[0], grid.cells[1], grid.cells[2]
             around = reach + grid.radius + params.skin  # mutate: reach_to_class
-            left, right = covered(params, grid, axis_a, x[axis_a], around)
-            first_b, last_b = covered(params, grid, axis_b, x[axis_b], around)
-            first_c, last_c = covered(params, grid, axis_c, x[axis_c], around)
+            left, right = covered(grid, 0, p, around)
+            first_b, last_b = covered(grid, 1, p, around)
+            first_c, last_c = covered(grid, 2, p, around)
             for at_c in range(first_c, last_c + 1):
-                layer = layer_of(params, grid, wrapped_cell(at_c, nc))
+                layer = layer_of(grid, wrapped_cell(at_c, nc))
                 for at_b in range(first_b, last_b + 1):
                     row = layer + wrapped_cell(at_b, nb) * na
                     # cells along a lie side by side in the sorted order: one span, two where they wrap round
