@@ -147,7 +147,10 @@ class NeighborList:
         self.on_reallocate()
 
     def tuning(self) -> dict[str, Any]:
-        """What was chosen by rule: skin [m], cells along x, y, z, the sorted order, particles of a block."""
+        """What was chosen by rule: skin [m], cells along x, y, z, the sorted order, particles of a block.
+
+        Also the number of size classes where there are several; then the cells are of particles of mean radius.
+        """
         p = self.params
         chosen = {"skin": self.scene.skin, "cells": [int(c) for c in p.cells]}
         chosen["slowest_first"] = "".join("xyz"[a] for a in reversed(list(p.axes)))
