@@ -41,6 +41,7 @@ from gpudem.scene.sections import (
     Wall,
     WallSection,
 )
+from gpudem.scene.size_classes import default_skin
 from gpudem.scene.types import Model, Name, Vector, vector
 
 
@@ -306,7 +307,7 @@ class Scene(Model):
     @property
     def skin(self) -> float:
         """Neighbour-list skin [m]."""
-        return self.solver.skin or 0.3 * float(self.state.radius.max())
+        return self.solver.skin or default_skin(self.state.radius)
 
     # -- time in steps, the same for every code ------------------------------------------------------------
 

@@ -471,7 +471,8 @@ class Solver(Model):
     """`half_step`: damping sees half-step velocities, as in LIGGGHTS; first order in the step where there is
     damping. `path`: damping acts by its exact integral along the path of the overlap; second order."""
     skin: Annotated[float, positive("m")] | None = None
-    """Neighbour-list skin [m]; default 0.3 of the largest radius."""
+    """Neighbour-list skin [m]; default 0.3 of the largest radius, or of the mean one where radii differ by
+    more than a factor of 2."""
 
 
 class Needs(Model):

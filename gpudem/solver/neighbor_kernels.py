@@ -15,6 +15,7 @@ import warp as wp
 
 from gpudem.solver.arrays import access
 from gpudem.solver.body import body_struct
+from gpudem.solver.class_grids import grid_functions, grid_struct
 from gpudem.solver.geometry import nearest_image
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import structs
@@ -102,12 +103,16 @@ def cell_kernel(spec: Spec) -> Any:
     Params, Particles, Body, wide3 = t.Params, t.Particles, body_struct(spec), t.wide3
     px, py, pz = spec.periodic
     wrap = periodic_wrap(t.wide)
+    Grid, functions = grid_struct(spec.precision), grid_functions(spec)
+    key_of, sorted_axes = functions.key_of, functions.sorted_axes
 
     @wp.kernel(module="unique", enable_backward=False)
     def cells(
         # params
         params: Params,
         begin: wp.int32,
+        # in
+        grids: wp.array[Grid],
         # in and out
         particles: Particles,
         now: wp.array[Body],
@@ -146,6 +151,8 @@ def cell_kernel(spec: Spec) -> Any:
             write_report(status, slot, wp.int32(TOO_FAST), particles.id[i], 0)
         fast, middle, slow = params.axes[0], params.axes[1], params.axes[2]  # mutate: sort_axes
         key[i] = (cell[slow] * params.cells[middle] + cell[middle]) * params.cells[fast] + cell[fast]
+        if wp.static(spec.size_classes):
+            key[i] = key_of(grids, sorted_axes(params, p), particles.radius[i])
         order[i] = i
 
     return cells
@@ -256,6 +263,34 @@ def entry_search(spec: Spec) -> Any:
 
 
 @functools.cache
+def pair_search(spec: Spec) -> Any:
+    """A function: where the old lists hold the contact of two old places, and the sign of its history there.
+
+    -1: nowhere. With several size classes the shorter list is searched first: a large particle has thousands
+    of entries, and would search them all for each of its contacts.
+    """
+    t = structs(spec.precision)
+    find = entry_search(spec)
+
+    @wp.func
+    def search(particles: t.Particles, o: wp.int32, partner: wp.int32):
+        p, q = wp.int32(0) + o, wp.int32(0) + partner
+        sign = t.real(1.0)
+        if wp.static(spec.size_classes):
+            if particles.start[q + 1] - particles.start[q] < particles.start[p + 1] - particles.start[p]:
+                p, q = wp.int32(0) + partner, wp.int32(0) + o
+                sign = t.real(-1.0)  # mutate: sign_in_shorter_list
+        k = find(particles, p, q, False)
+        if wp.static(spec.half_list):
+            if k < 0:
+                k = find(particles, q, p, False)
+                sign = -sign  # mutate: spring_sign
+        return k, sign
+
+    return search
+
+
+@functools.cache
 def overlap_check(spec: Spec) -> Any:
     """A function: reports a pair whose overlap exceeds the guard's limit; `touch`: where laws act."""
     t = structs(spec.precision)
@@ -277,20 +312,71 @@ def overlap_check(spec: Spec) -> Any:
 
 
 @functools.cache
-def neighbor_search(spec: Spec) -> Any:
-    """A function: writes the neighbors of particle i, those in contact first; returns how many there are.
+def span_search(spec: Spec) -> Any:
+    """A function: writes the neighbors of particle i among the sorted particles from begin_j to end_j.
 
-    They go to `out` from `base` on, as many as there is `room` for.
+    x: position of i, reach: its radius and the range of the law (of equal spheres: of the pair), block: first
+    particle of its block. Returns how many neighbors there are so far, and how many of them are in contact.
     """
     t = structs(spec.precision)
-    Params, Particles, check_overlap = t.Params, t.Particles, overlap_check(spec)
+    check_overlap = overlap_check(spec)
     nearest = nearest_image(spec.periodic, spec.precision)
     get, integers = access(t.wide3).get, access(wp.int32)
     get_int, put_int = integers.get, integers.put
 
     @wp.func
     def search(
-        params: Params, particles: Particles, cell: wp.int32, cell_start: wp.array[wp.int32], i: wp.int32,
+        params: t.Params, particles: t.Particles, i: wp.int32, x: t.wide3, reach: t.wide, block: wp.int32,
+        begin_j: wp.int32, end_j: wp.int32, count: wp.int32, touching: wp.int32,
+        out: wp.array[wp.int32], base: wp.int32, room: wp.int32, status: wp.array[wp.int64],
+    ):  # fmt: skip
+        first, neighbors, contacts = wp.int32(0) + begin_j, wp.int32(0) + count, wp.int32(0) + touching
+        if wp.static(spec.half_list):
+            if first >= block:
+                first = wp.max(first, i + 1)  # mutate: span_within_block
+        for j in range(first, end_j):
+            d = nearest(x - get(particles.x_at_rebuild, j), params.size)
+            rsq = wp.dot(d, d)
+            touch = reach
+            if wp.static(spec.polydisperse):
+                touch = reach + particles.radius[j]  # mutate: pair_reach
+            limit = touch + params.skin  # mutate: list_range
+            if rsq < limit * limit and j != i:
+                if wp.static(spec.half_list):
+                    if j >= block and j < i:  # mutate: pair_within_block
+                        continue
+                at, entry = wp.int32(0) + neighbors, wp.int32(0) + j
+                if rsq < touch * touch:
+                    if wp.static(spec.contact_history):
+                        entry = -j - 1
+                    at = wp.int32(0) + contacts
+                    contacts += 1
+                    check_overlap(params, particles, i, j, rsq, touch, status)
+                if neighbors < room:
+                    put_int(out, base + neighbors, get_int(out, base + at))
+                    put_int(out, base + at, entry)
+                neighbors += 1
+        return neighbors, contacts
+
+    return search
+
+
+@functools.cache
+def neighbor_search(spec: Spec) -> Any:
+    """A function: writes the neighbors of particle i, those in contact first; returns how many there are.
+
+    They go to `out` from `base` on, as many as there is `room` for.
+    """
+    if spec.size_classes:
+        return class_search(spec)
+    t = structs(spec.precision)
+    Params, Particles, Grid = t.Params, t.Particles, grid_struct(spec.precision)
+    get_int, search_span = access(wp.int32).get, span_search(spec)
+
+    @wp.func
+    def search(
+        params: Params, particles: Particles, grids: wp.array[Grid], cell: wp.int32,
+        cell_start: wp.array[wp.int32], i: wp.int32,
         out: wp.array[wp.int32], base: wp.int32, room: wp.int32, status: wp.array[wp.int64],
     ):  # fmt: skip
         x = particles.x_at_rebuild[i]
@@ -319,32 +405,61 @@ def neighbor_search(spec: Spec) -> Any:
                     if spans > 1:
                         begin_cell = row + wrapped_cell(left + span, na)
                         end_cell = begin_cell + 1
-                    begin_j = get_int(cell_start, begin_cell)
-                    if wp.static(spec.half_list):
-                        if begin_j >= block:
-                            begin_j = wp.max(begin_j, i + 1)
-                    for j in range(begin_j, get_int(cell_start, end_cell)):
-                        d = nearest(x - get(particles.x_at_rebuild, j), params.size)
-                        rsq = wp.dot(d, d)
-                        touch = reach
-                        if wp.static(spec.polydisperse):
-                            touch = reach + particles.radius[j]  # mutate: pair_reach
-                        limit = touch + params.skin  # mutate: list_range
-                        if rsq < limit * limit and j != i:
-                            if wp.static(spec.half_list):
-                                if j >= block and j < i:  # mutate: pair_within_block
-                                    continue
-                            at, entry = wp.int32(0) + count, wp.int32(0) + j
-                            if rsq < touch * touch:
-                                if wp.static(spec.contact_history):
-                                    entry = -j - 1
-                                at = wp.int32(0) + touching
-                                touching += 1
-                                check_overlap(params, particles, i, j, rsq, touch, status)
-                            if count < room:
-                                put_int(out, base + count, get_int(out, base + at))
-                                put_int(out, base + at, entry)
-                            count += 1
+                    count, touching = search_span(
+                        params, particles, i, x, reach, block, get_int(cell_start, begin_cell),
+                        get_int(cell_start, end_cell), count, touching, out, base, room, status,
+                    )  # fmt: skip
+        return count
+
+    return search
+
+
+@functools.cache
+def class_search(spec: Spec) -> Any:
+    """The `neighbor_search` of several size classes: class by class the cells within reach."""
+    t = structs(spec.precision)
+    Params, Particles, Grid = t.Params, t.Particles, grid_struct(spec.precision)
+    get_int, search_span, functions = access(wp.int32).get, span_search(spec), grid_functions(spec)
+    layer_of, covered, sorted_axes = functions.layer, functions.covered, functions.sorted_axes
+
+    @wp.func
+    def search(
+        params: Params, particles: Particles, grids: wp.array[Grid], cell: wp.int32,
+        cell_start: wp.array[wp.int32], i: wp.int32,
+        out: wp.array[wp.int32], base: wp.int32, room: wp.int32, status: wp.array[wp.int64],
+    ):  # fmt: skip
+        x = particles.x_at_rebuild[i]
+        reach = particles.radius[i] + params.range
+        block = wp.int32(0)  # first particle of the block
+        if wp.static(spec.half_list):
+            block = i // params.block * params.block
+        count, touching = wp.int32(0), wp.int32(0)
+        for g in range(grids.shape[0]):
+            grid, p = grids[g], sorted_axes(params, x)
+            # a, b, c: along the fastest axis of the sorted order, the middle one, the slowest
+            na, nb, nc = grid.cells[0], grid.cells[1], grid.cells[2]
+            around = reach + grid.radius + params.skin  # mutate: reach_to_class
+            left, right = covered(grid, 0, p, around)
+            first_b, last_b = covered(grid, 1, p, around)
+            first_c, last_c = covered(grid, 2, p, around)
+            for at_c in range(first_c, last_c + 1):
+                layer = layer_of(grid, wrapped_cell(at_c, nc))
+                for at_b in range(first_b, last_b + 1):
+                    row = layer + wrapped_cell(at_b, nb) * na
+                    # cells along a lie side by side in the sorted order: one span, two where they wrap round
+                    spans = wp.int32(1)
+                    if left < 0 or right >= na:
+                        spans = wp.int32(2)
+                    for span in range(spans):
+                        begin_cell, end_cell = row + left, row + right + 1
+                        if spans == 2:
+                            begin_cell, end_cell = row + wrapped_cell(left, na), row + na
+                            if span == 1:
+                                begin_cell, end_cell = row, row + wrapped_cell(right, na) + 1
+                        count, touching = search_span(
+                            params, particles, i, x, reach, block, get_int(cell_start, begin_cell),
+                            get_int(cell_start, end_cell), count, touching, out, base, room, status,
+                        )  # fmt: skip
         return count
 
     return search
@@ -402,7 +517,7 @@ def count_kernel(spec: Spec) -> Any:
     """Counts the entries of each particle, and stores as many of them as its cache holds."""
     t = structs(spec.precision)
     Params, Particles, Walls = t.Params, t.Particles, t.Walls
-    neighbors = neighbor_search(spec)
+    neighbors, Grid = neighbor_search(spec), grid_struct(spec.precision)
     walls_of = wall_search(spec) if spec.walls else None
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -413,6 +528,7 @@ def count_kernel(spec: Spec) -> Any:
         # in
         particles: Particles,
         walls: Walls,
+        grids: wp.array[Grid],
         key: wp.array[wp.int32],
         cell_start: wp.array[wp.int32],
         order: wp.array[wp.int32],
@@ -424,7 +540,9 @@ def count_kernel(spec: Spec) -> Any:
     ):
         i = begin + wp.tid()
         base = i * CACHE_SIZE
-        found = neighbors(params, particles, key[i], cell_start, i, cache, base, CACHE_SIZE, status)
+        found = neighbors(
+            params, particles, grids, key[i], cell_start, i, cache, base, CACHE_SIZE, status
+        )  # fmt: skip
         if wp.static(bool(spec.walls)):
             neighbor_count[i] = found  # mutate: neighbor_count
             found = walls_of(params, particles, walls, i, order[i], found, cache, base, CACHE_SIZE, status)
@@ -438,7 +556,8 @@ def fill_kernel(spec: Spec) -> Any:
     """Writes the entries of each particle, and carries the history of its contacts over from the old list."""
     t = structs(spec.precision)
     Params, Particles, Walls, vec3 = t.Params, t.Particles, t.Walls, t.vec3
-    neighbors, find = neighbor_search(spec), entry_search(spec)
+    neighbors, Grid = neighbor_search(spec), grid_struct(spec.precision)
+    find, find_pair = entry_search(spec), pair_search(spec)
     walls_of = wall_search(spec) if spec.walls else None
     get_int, put_int = access(wp.int32).get, access(wp.int32).put
 
@@ -462,11 +581,7 @@ def fill_kernel(spec: Spec) -> Any:
                         rise[m] = particles.rise[k]  # mutate: rise_at_rebuild
         else:
             other = -other - 1
-            k = find(particles, o, order[other], False)
-            if wp.static(spec.half_list):
-                if k < 0:
-                    k = find(particles, order[other], o, False)
-                    sign = t.real(-1.0)  # mutate: spring_sign
+            k, sign = find_pair(particles, o, order[other])
         if wp.static(spec.contact_history):
             neighbor[m] = other
             if k >= 0 and get_int(particles.neighbor, k) < 0:
@@ -483,6 +598,7 @@ def fill_kernel(spec: Spec) -> Any:
         begin: wp.int32,
         # in
         walls: Walls,
+        grids: wp.array[Grid],
         key: wp.array[wp.int32],
         cell_start: wp.array[wp.int32],
         order: wp.array[wp.int32],
@@ -505,7 +621,9 @@ def fill_kernel(spec: Spec) -> Any:
             for m in range(room):
                 put_int(neighbor, first + m, get_int(cache, i * CACHE_SIZE + m))
         else:
-            found = neighbors(params, particles, key[i], cell_start, i, neighbor, first, room, status)
+            found = neighbors(
+                params, particles, grids, key[i], cell_start, i, neighbor, first, room, status
+            )  # fmt: skip
             if wp.static(bool(spec.walls)):
                 walls_of(params, particles, walls, i, order[i], found, neighbor, first, room, status)
         if wp.static(bool(spec.walls)):

@@ -11,7 +11,9 @@ import warp as wp
 
 from gpudem.errors import SimulationError
 from gpudem.scene import Scene
+from gpudem.scene.size_classes import class_radii
 from gpudem.solver import guards
+from gpudem.solver.class_grids import class_grids, grid_struct
 from gpudem.solver.neighbor_kernels import (
     CACHE_SIZE,
     DEEP_IN_WALL,
@@ -37,10 +39,14 @@ from gpudem.solver.thread_pool import CpuThreadPool
 def cell_grid(scene: Scene) -> tuple[tuple[int, int, int], np.ndarray]:
     """Cells along each axis, each at least one reach wide, and cells per length [1/m].
 
-    At most eight cells a particle (and 4096), so that a large, nearly empty domain costs no memory.
+    Where radii are of several size classes: of particles of mean radius, for an estimate. At most eight cells
+    a particle (and 4096), so that a large, nearly empty domain costs no memory.
     """
     size = np.array(scene.domain.hi) - np.array(scene.domain.lo)
-    edge = 2 * float(scene.state.radius.max()) + scene.skin  # mutate: cell_edge
+    radius = scene.state.radius
+    margin = scene.skin + scene.contact_range
+    reach = radius.max() if len(class_radii(radius, margin)) == 1 else radius.mean()
+    edge = 2 * float(reach) + margin  # mutate: cell_edge
     limit = 8 * len(scene.state) + 4096
     while math.prod(cells := tuple(max(1, math.floor(s / edge)) for s in size)) > limit:
         edge *= 1.26  # half as many cells
@@ -83,10 +89,12 @@ class NeighborList:
         spec, device, n, t = state.spec, state.device, state.n, state.types
         self.walls: Any = t.Walls()
         self.cells = math.prod(params.cells)
+        self.grids: Any = None
 
         def integers(count: int) -> Any:
             return wp.zeros(count, dtype=wp.int32, device=device)
 
+        self._set_grids()
         self.key, self.order, self.cell_start = integers(2 * n), integers(2 * n), integers(self.cells + 1)
         self.start, self.count, self.cache = integers(n + 1), integers(n + 1), integers(n * CACHE_SIZE)
         self.neighbor_count = integers(n) if spec.walls else None
@@ -139,10 +147,15 @@ class NeighborList:
         self.on_reallocate()
 
     def tuning(self) -> dict[str, Any]:
-        """What was chosen by rule: skin [m], cells along x, y, z, the sorted order, particles of a block."""
+        """What was chosen by rule: skin [m], cells along x, y, z, the sorted order, particles of a block.
+
+        Also the number of size classes where there are several; then the cells are of particles of mean radius.
+        """
         p = self.params
         chosen = {"skin": self.scene.skin, "cells": [int(c) for c in p.cells]}
         chosen["slowest_first"] = "".join("xyz"[a] for a in reversed(list(p.axes)))
+        if self.grids is not None:
+            chosen["size_classes"] = len(self.grids)
         if self.state.spec.half_list:
             chosen["block"] = int(p.block)
         return chosen
@@ -176,7 +189,18 @@ class NeighborList:
     def set_walls(self, walls: Any) -> None:
         """The walls to look for from now on, in the order that `params` now say; `rebuild` must follow."""
         self.walls = walls
+        self._set_grids()
+        if len(self.cell_start) != self.cells + 1:
+            self.cell_start = wp.zeros(self.cells + 1, dtype=wp.int32, device=self.state.device)
         self._launches.clear()
+
+    def _set_grids(self) -> None:
+        """The cells of each size class, for the order of sorting and the blocks that `params` now say."""
+        state, p = self.state, self.params
+        if state.spec.size_classes:
+            axes, precision = [int(axis) for axis in p.axes], state.spec.precision
+            grids, self.cells = class_grids(self.scene, axes, int(p.block), precision)
+            self.grids = wp.array(grids, dtype=grid_struct(precision), device=state.device)
 
     def rebuild(self) -> None:
         """Sort, re-order, list (which grows where needed). Raises SimulationError: lost particle or NaN."""
@@ -254,10 +278,10 @@ class NeighborList:
         key = (name, id(state.now))
         if key not in self._launches:
             p, now, walls = state.particles, state.now, self.walls
-            cells = [self.key, self.cell_start, self.order]
+            cells = [self.grids, self.key, self.cell_start, self.order]
             lists = [self.neighbor, self.spring, self.rolling_torque, self.rise]
             inputs, outputs = {
-                "cells": ([], [p, now, self.key, self.order, self.status]),
+                "cells": ([self.grids], [p, now, self.key, self.order, self.status]),
                 "gather": ([self.order, now, p], [state.next, self.scratch]),
                 "count": ([p, walls, *cells], [self.count, self.neighbor_count, self.cache, self.status]),
                 "fill": (

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from gpudem.contact import registry
 from gpudem.contact.coefficients import coefficient_names
 from gpudem.contact.law import Law
+from gpudem.scene.size_classes import class_radii
 
 if TYPE_CHECKING:
     from gpudem.scene import Scene
@@ -35,6 +36,8 @@ class Spec:
     periodic: tuple[bool, bool, bool] = (False, False, False)
     multi_material: bool = False
     polydisperse: bool = False
+    size_classes: bool = False
+    """Radii of several size classes: each class has its own cells."""
     half_list: bool = False
     """Each pair of a block once; for devices that take the particles of a launch one after the other."""
 
@@ -58,6 +61,7 @@ class Spec:
             periodic=scene.domain.periodic,
             multi_material=needs.several_materials,
             polydisperse=needs.several_radii,
+            size_classes=len(class_radii(scene.state.radius, scene.skin + scene.contact_range)) > 1,
             half_list=half_list,
         )
 

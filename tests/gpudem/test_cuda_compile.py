@@ -56,7 +56,11 @@ def test_motion_moves_in_words_of_16_bytes(precision, loads, stores):
     assert (found.wide_loads, found.wide_stores) == (loads, stores)
 
 
-@pytest.mark.parametrize("given", [FULL, EVERYTHING], ids=["full", "everything"])
+@pytest.mark.parametrize(
+    "given",
+    [FULL, EVERYTHING, {**EVERYTHING, "size_classes": True}],
+    ids=["full", "everything", "size classes"],
+)
 def test_rebuild_without_spills(given):
     """The launches of a rebuild. Their stack holds the few numbers that are picked by axis at run time."""
     spec = Spec(**given)

@@ -81,6 +81,19 @@ def test_equals_all_pairs(ratio, size, periodic, half_list):
     assert len(expected) > 100
 
 
+def test_law_that_acts_across_a_gap(half_list, monkeypatch):
+    """Detects cells as wide as the diameter and the skin only: neighbors two cells away are in range."""
+    reach = 0.002
+    monkeypatch.setattr(Scene, "contact_range", property(lambda scene: reach))
+    scene = cloud(np.full(400, 0.003), (0.1, 0.1, 0.1), (False, True, False), seed=1)
+    scene = scene.replace(solver={"skin": 1e-4})
+    simulation = Solver(scene, half_list=half_list)
+    simulation.neighbors.rebuild()
+    found, skin = listed_pairs(simulation), scene.skin
+    monkeypatch.setattr(Scene, "skin", property(lambda scene: skin + reach))
+    assert len(found ^ all_pairs(scene)) == 0
+
+
 def test_list_grows(half_list):
     """2000 neighbours a particle do not fit the first allocation."""
     scene = cloud(np.full(300, 0.003), (0.01, 0.01, 0.01), (False, False, False), seed=1)
