@@ -41,7 +41,7 @@ def simulate(
     progress: Callable[[int], None] | None = None,
     hooks: Sequence[Hook] = (),
 ) -> Run:
-    """Simulate a scene; with a directory, frames and tables are written there as it goes.
+    """Simulate a scene; with a directory, frames and tables are written there while it runs.
 
     Args:
         scene: What to simulate.
@@ -57,7 +57,7 @@ def simulate(
         hooks: Functions called every so often (`gpudem.every`) with the run's `gpudem.Simulation`.
 
     Returns:
-        The run; on Ctrl-C what there is so far is saved first, then KeyboardInterrupt goes on.
+        The run; on Ctrl-C what there is so far is saved first, then KeyboardInterrupt is raised again.
 
     Raises:
         SimulationError: lost particle, NaN; frames already written stay.

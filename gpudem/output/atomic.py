@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all: every file that gpudem writes goes through here.
+"""Files that are written whole or not at all: every file that gpudem writes is written here.
 
 A file is written under a temporary name (`.NAME.part`) in its own folder and then renamed, so that a reader,
 or the next start, sees the old file or the new one. What a killed process leaves has a temporary name and is

@@ -63,7 +63,7 @@ def begin(directory: Path, scene: Scene) -> None:
 
 
 def begin_again(directory: Path, step: int) -> None:
-    """Make the folder that of a run that goes on from `step`: what was written after it is removed.
+    """Make the folder that of a run that continues from `step`: what was written after it is removed.
 
     Raises WriteError.
     """

@@ -1,4 +1,4 @@
-"""The frames of a run: written one by one while it goes, read when asked for."""
+"""The frames of a run: written one by one while it runs, read on request."""
 
 from __future__ import annotations
 

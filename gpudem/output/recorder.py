@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 class Recorder:
     """Collects the output of one run: frames on disk, trace and history in memory.
 
-    Frames are written by a thread of their own while the run goes on, one at a time; `flush` waits for it.
+    Frames are written by a thread of their own while the run continues, one at a time; `flush` waits for it.
     """
 
     def __init__(self, scene: Scene, directory: Path | None, resumed: Restart | None = None):

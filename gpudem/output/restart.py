@@ -1,4 +1,4 @@
-"""Restart files: the exact state of a run at one step, from which it goes on as if it had never stopped.
+"""Restart files: the exact state of a run at one step, from which it continues as if it had never stopped.
 
 DIRECTORY/restart.npz is written at every `output.restart_every` and replaced by the next one. It holds the
 device arrays as they are (order, lists, shear springs, rolling torques, half-step velocities), what has been

@@ -36,9 +36,9 @@ class Timing:
     particles: int
     steps: int
     stepping_s: float
-    """Stepping alone: no compiling, set-up or output."""
+    """Stepping only: no compiling, set-up or output."""
     setup_s: float = 0.0
-    """Start-up, reading or placing particles, first neighbour list."""
+    """Start-up, reading or placing particles, first neighbor list."""
     compile_s: float = 0.0
     output_s: float = 0.0
     device: str = "cpu"
@@ -65,7 +65,7 @@ class Run:
     timing: Timing
     warnings: list[str] = dataclasses.field(default_factory=list)
     notes: dict[str, Any] = dataclasses.field(default_factory=dict)
-    """Facts for the provenance section: deck hash, recorded or live, neighbour-list rebuilds, ..."""
+    """Facts for the provenance section: deck hash, recorded or live, neighbor-list rebuilds, ..."""
     trace: dict[str, np.ndarray] | None = None
     """step (t,), time (t,), and position, velocity, angular_velocity, force, torque, each (t, n, 3)."""
     history: pandas.DataFrame | None = None

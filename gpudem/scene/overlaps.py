@@ -73,6 +73,33 @@ def largest_start_overlap(scene: Scene) -> float:
     return found.overlap / float(state.radius[list(found.worst)].min()) if found else share
 
 
+def start_elastic_energy(scene: Scene) -> float:
+    """Elastic energy [J] of all overlaps at the start, by the normal law: m* v^2/2 of each release."""
+    state, lo, law, energy = scene.state, np.array(scene.domain.lo), scene.normal_law, 0.0
+    names, mass = list(scene.materials), scene.masses
+
+    def released(a: int, b: int | str, r: float, m: float, overlap: float) -> float:
+        partner = b if isinstance(b, str) else names[state.material[b]]
+        inputs = scene.inputs(names[state.material[a]], partner)
+        return 0.5 * m * law.release_speed(inputs, r, m, overlap) ** 2
+
+    for wall in scene.wall_elements:
+        overlap = state.radius - wall.gap(state.position)
+        for i in np.flatnonzero(overlap > TOUCHING * state.radius).tolist():
+            energy += released(i, wall.material, state.radius[i], mass[i], overlap[i])
+    if len(state) < 2 or lattice_within(scene):
+        return energy
+    period = np.where(scene.domain.periodic, np.array(scene.domain.hi) - lo, 0.0)
+    for i, j, distance in _candidates(state.position - lo, state.radius, period, TOUCHING):
+        sum_radii = state.radius[i] + state.radius[j]
+        for k in np.flatnonzero(distance < sum_radii).tolist():
+            a, b = int(i[k]), int(j[k])
+            r = state.radius[a] * state.radius[b] / sum_radii[k]
+            m = mass[a] * mass[b] / (mass[a] + mass[b])
+            energy += released(a, b, r, m, sum_radii[k] - distance[k])
+    return energy
+
+
 def find_overlaps(
     position: np.ndarray, radius: np.ndarray, period: np.ndarray, limit: float
 ) -> Overlaps | None:

@@ -129,7 +129,7 @@ def lattice(p: Lattice, index: dict[str, int]) -> InitialState:
     k, (nx, ny) = np.arange(p.count), [min(c, p.count) for c in cells[:2]]
     grid = np.stack([k % nx, k // nx % ny, k // (nx * ny)], axis=1)
     spare = np.array([(hi - lo)[0] - cells[0] * pitch, (hi - lo)[1] - cells[1] * pitch, 0.0])
-    gap = (p.spacing - 1) * largest  # half of the free gap: two neighbours may use it both
+    gap = (p.spacing - 1) * largest  # half of the free gap: two neighbors may both use it
     shift = rng.uniform(-1, 1, (p.count, 3)) * gap * p.jitter
     position = lo + spare / 2 + (grid + 0.5) * pitch + shift
     velocity = rng.normal(0, p.velocity_rms, (p.count, 3)) if p.velocity_rms else None

@@ -195,7 +195,7 @@ class Lattice(Model):
     """One radius [m], or a mixture."""
     spacing: Annotated[float, number("largest diameters", 1)] = 1.05
     jitter: Annotated[float, number("free gap", 0, 1)] = 0.9
-    """Random shift as a share of the gap between lattice neighbours [1]; below 1 nothing overlaps."""
+    """Random shift as a share of the gap between lattice neighbors [1]; below 1 nothing overlaps."""
     velocity_rms: Annotated[float, number("m/s", 0)] = 0.0
     """Root mean square of each (normally distributed) velocity component [m/s]."""
     seed: Annotated[int, Field(strict=True, ge=0), BeforeValidator(as_python)] = 0

@@ -118,7 +118,7 @@ def steps_per_contact(scene: Scene, accuracy: float) -> float:
     e is the smallest restitution of pairs that can meet (`min_restitution`). Fitted from above to what
     the case work_precision measures on normal and oblique impacts, e = 0.3 to 1, accuracy 1e-2 to 1e-3,
     under a law without jumps (no tangential dashpot, or no friction); with the uncapped dashpot it is a
-    guide alone.
+    guide only.
     """
     elastic = 1.5 / math.sqrt(accuracy)
     if scene.solver.integrator == "path":

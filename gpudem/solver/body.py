@@ -2,7 +2,7 @@
 """The struct `Body`: what moves of a particle, side by side in memory, and how a step reads and writes it.
 
 position [m]; velocity [m/s], angular_velocity [rad/s]: half a step behind it; velocity_ahead,
-angular_velocity_ahead: predicted half a step ahead, with integrator "path" alone.
+angular_velocity_ahead: predicted half a step ahead, with integrator "path" only.
 
 A GPU moves 16 bytes of a thread as fast as 4 or 8, but Warp loads a struct number by number. So the access
 is in native code: on CUDA in whole 16-byte words, to which a Body is padded; elsewhere member by member.

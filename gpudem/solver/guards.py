@@ -1,6 +1,6 @@
 """Guards against results that are wrong without looking so: what they hold to, and what they say.
 
-Speed and overlap are looked at on the device whenever the neighbour list is rebuilt, which fast particles
+Speed and overlap are checked on the device whenever the neighbor list is rebuilt, which fast particles
 bring about by themselves; they end the run. The energy is looked at in the history, and warned about.
 """
 
@@ -9,6 +9,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from gpudem.scene.overlaps import start_elastic_energy
 
 if TYPE_CHECKING:
     import pandas
@@ -48,9 +50,9 @@ def speed_limit(scene: Scene) -> float:
 def energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]:
     """Whether kinetic + potential energy grew above its start, which nothing dissipative and closed can do.
 
-    Scale: the kinetic energy at the start and the energy of a fall by one diameter. What the springs hold at
-    the start is not counted: scenes that waive the check of start overlaps are left out, others start with
-    springs whose energy is far below the scale.
+    Scale: the kinetic energy at the start and the energy of a fall by one diameter. Particles that overlap at
+    the start release elastic energy: a growth within that has its own cause, and another sentence. Scenes
+    that waive the check of start overlaps are left out.
     """
     closed = scene.needs.damping and not scene.needs.vibration and "overlap" not in scene.allow
     if history is None or not closed or len(history) < 2:
@@ -62,8 +64,13 @@ def energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]
     if not growth.max() > MAX_GROWTH:
         return []
     k = int(np.argmax(growth > MAX_GROWTH))
+    cause = "the time step is too long for this scene"
+    if scene.start_overlap > 0:
+        released = start_elastic_energy(scene) / max(kinetic + fall, 1e-300)
+        if growth.max() <= MAX_GROWTH + released:
+            cause = f"overlaps at the start, up to {100 * scene.start_overlap:.3g} % of a radius, release it"
     return [
         f"energy grew: at t = {history.time.iloc[k]:.6g} s kinetic and potential energy exceed those at the"
         f" start by {100 * growth[k]:.3g} % of the kinetic energy at the start and a fall by one diameter"
-        f" (at most {100 * growth.max():.3g} % later): the time step is too long for this scene"
+        f" (at most {100 * growth.max():.3g} % later): {cause}"
     ]

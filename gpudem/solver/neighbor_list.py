@@ -75,7 +75,7 @@ def block_size(n: int, layers: float) -> int:
 
 
 class NeighborList:
-    """Rebuilds the list of a State when told to.
+    """Rebuilds the list of a State on request.
 
     `on_reallocate` is called when list arrays were replaced: launches recorded elsewhere are out of date.
     `when` gives the time of an error in words.
@@ -149,7 +149,7 @@ class NeighborList:
     def tuning(self) -> dict[str, Any]:
         """What was chosen by rule: skin [m], cells along x, y, z, the sorted order, particles of a block.
 
-        Also the number of size classes where there are several; then the cells are of particles of mean radius.
+        Also the number of size classes where there are several; the cells are then of the mean radius.
         """
         p = self.params
         chosen = {"skin": self.scene.skin, "cells": [int(c) for c in p.cells]}
@@ -264,7 +264,7 @@ class NeighborList:
         self.scan.run()
 
     def _fill(self, launch: int | None = None) -> None:
-        """Writes the list, with the history that goes on; clears the request of `launch`, or of any."""
+        """Writes the list, with the history carried over; clears the request of `launch`, or of any."""
         p = self.state.particles
         self._run("fill")
         wp.copy(p.start, self.start)

@@ -2,11 +2,15 @@
 
 import re
 
+import numpy as np
+import pandas
 import pytest
 
 from gpudem.driver import simulate as run
 from gpudem.errors import SimulationError
 from gpudem.scene import Scene
+from gpudem.scene.overlaps import start_elastic_energy
+from gpudem.solver import guards
 from tests.gpudem.beds import falling_bed
 
 WALL = {"kind": "plane", "name": "floor", "material": "ball", "point": (0, 0, 0), "normal": (0, 0, 1)}
@@ -98,3 +102,43 @@ def test_energy_that_grows_is_told():
     assert re.match(r"energy grew: at t = 0\.0009 s .* exceed those at the start by 270 %", done.warnings[1])
     sound = two(4.0, 1e-5, output={"history_every": 1e-5})
     assert run(sound).warnings == []
+
+
+@pytest.mark.parametrize("where", ["pair", "wall"])
+def test_energy_of_overlaps_at_the_start_has_its_own_cause(where):
+    """A sound step: catches a warning of the time step where balls that overlap push one another apart."""
+    gap = 0.92 * 0.003 if where == "wall" else 0.05
+    position = [[0, 0, gap], [0.1, 0, 0.05] if where == "wall" else [2 * 0.003 * 0.96, 0, gap]]
+    floor = {"kind": "plane", "name": "floor", "material": "a", "point": (0, 0, 0), "normal": (0, 0, 1)}
+    scene = Scene(
+        name="pushed", materials={"a": {"young": 5e6, "poisson": 0.3, "density": 2500.0}},
+        pairs=[{"materials": ("a", "a"), "restitution": 0.8}], walls=[floor],
+        particles={"source": "explicit", "position": position, "radius": 0.003, "material": "a"},
+        domain={"lo": (-0.2,) * 3, "hi": (0.2,) * 3}, time={"step": 2e-6, "duration": 2e-3},
+        output={"history_every": 1e-4},
+    )  # fmt: skip
+    done = run(scene)
+    assert done.history is not None
+    assert done.history.kinetic_energy.iloc[-1] > 0
+    (warning,) = [w for w in done.warnings if "energy grew" in w]
+    assert warning.endswith("overlaps at the start, up to 8 % of a radius, release it")
+    assert "time step" not in warning
+
+
+def test_a_step_too_long_is_the_cause_beside_overlaps_too():
+    """Catches a cause that any overlap explains, whatever the growth."""
+    scene = Scene(
+        name="stack", materials={"a": {"young": 5e6, "poisson": 0.3, "density": 2500.0}},
+        pairs=[{"materials": ("a", "a"), "restitution": 0.9}],
+        particles={"source": "explicit", "position": [[0, 0, 0], [0.00597, 0, 0]], "radius": 0.003,
+                   "material": "a"},
+        domain={"lo": (-0.2,) * 3, "hi": (0.2,) * 3}, time={"step": 2e-6, "duration": 2e-3},
+    )  # fmt: skip
+    e_eff = 5e6 / 2 / (1 - 0.09)
+    exact = 8 / 15 * e_eff * np.sqrt(0.0015) * 3e-5**2.5
+    assert start_elastic_energy(scene) == pytest.approx(exact, rel=1e-9)
+    columns = ("time", "kinetic_energy", "rotational_energy", "potential_energy")
+    for factor, cause in ((0.9, "release it"), (3.0, "the time step is too long for this scene")):
+        history = pandas.DataFrame([(0.0, 0.0, 0.0, 0.0), (1.0, factor * exact, 0.0, 0.0)], columns=columns)
+        (warning,) = guards.energy_warnings(scene, history)
+        assert warning.endswith(cause)
