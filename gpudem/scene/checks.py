@@ -68,7 +68,9 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
     if not (particles and run_check(_state)):
         return found
     paired = pairs and walls and run_check(_pairs, "contact")
-    periodic = domain and run_check(_periodic, "solver")
+    periodic = domain and run_check(
+        lambda scene: _periodic(scene, scene.contact_range if paired else 0.0), "solver"
+    )
     if run_check(_radius_units) and units and domain:
         if run_check(_inside) and periodic:
             run_check(_overlaps, "allow")
@@ -180,8 +182,8 @@ def _reachable_walls(scene: Scene) -> list[str]:
     return found
 
 
-def _periodic(scene: Scene) -> list[str]:
-    reach = 2 * float(scene.state.radius.max()) + scene.skin
+def _periodic(scene: Scene, contact_range: float) -> list[str]:
+    reach = 2 * float(scene.state.radius.max()) + contact_range + scene.skin
     return [
         f"domain: {axis} is periodic and {b - a:g} m long;"
         f" must exceed 2 (largest diameter + skin) = {2 * reach:g} m"
