@@ -220,8 +220,16 @@ def cylinder(walls: Any, w: wp.int32, x: Any):
     return walls.size[w][0] - r, -d / r
 
 
-walls.register(WallKind("cylinder", cylinder, Cylinder))
+KIND = WallKind("cylinder", cylinder, Cylinder)
 # -- end of that file ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered():
+    """The kind is known in this file only."""
+    walls.register(KIND)
+    yield
+    del walls._registered["cylinder"]
 
 
 def drum(**changes: Any) -> Scene:
