@@ -84,6 +84,22 @@ def slide(law: str) -> Scene:
     )  # fmt: skip
 
 
+def smooth_floor(dashpot: bool) -> Scene:
+    """A ball slides at 0.1 m/s, 20 um deep, on a floor without friction; pairs of balls would have friction.
+
+    `dashpot`: gpudem takes LIGGGHTS' tangential dashpot at the set-up.
+    """
+    pairs = (
+        Pair(materials=("ball", "ball"), restitution=0.5, friction=0.3),
+        Pair(materials=("ball", "wall"), restitution=0.6, friction=0.0),
+    )
+    one = _scene(
+        "smooth_floor", [[0, 0, RADIUS - 2e-5]], [[0.1, 0, 0]], steps=100, walls=[FLOOR],
+        contact=Contact(frictionless_dashpot=dashpot),
+    )  # fmt: skip
+    return one.replace(pairs=pairs)
+
+
 def leave() -> Scene:
     """Two balls; the second flies out of the open domain after 20 ms."""
     return _scene("leave", [[0, 0, 0], [0.01, 0, 0]], [[0, 0, 0], [1.0, 0, 0]], steps=40000, every=4000)
@@ -133,6 +149,12 @@ def excess(run: Run) -> np.ndarray:
     lost = velocity[0, :, 0] - velocity[-1, :, 0]
     e_out = velocity[-1, :, 2] / SPEED
     return lost / (FRICTION * (1 + e_out) * SPEED) - 1
+
+
+def tangential_share(run: Run) -> float:
+    """Tangential over normal force of `smooth_floor` at t = 0 [1]."""
+    force = run.trace["force"][0, 0]
+    return float(np.hypot(force[0], force[1]) / abs(force[2]))
 
 
 def energy_gap(results: Results, a: tuple[str, str], b: tuple[str, str]) -> tuple[np.ndarray, np.ndarray]:

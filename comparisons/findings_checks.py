@@ -200,6 +200,23 @@ CHECKS: tuple[Check, ...] = (
         for code in BOTH
     ),
     _there(
+        "friction 0: tangential over normal force at the set-up, LIGGGHTS",
+        lambda results: findings.tangential_share(results["smooth_floor", THEIRS]), 0.1,
+        "the spring is at rest, so that the contact sticks, and the dashpot is not capped by mu Fn = 0", GONE,
+        against="no friction, no tangential force",
+    ),
+    _free(
+        "friction 0: tangential over normal force at the set-up, gpudem",
+        lambda results: findings.tangential_share(results["smooth_floor", OURS]), 0.0,
+        "an exact statement", "a dashpot without regard to friction", needs=(OURS,),
+        against="no friction, no tangential force",
+    ),
+    _free(
+        "friction 0: velocity, gpudem with contact.frictionless_dashpot against LIGGGHTS / speed",
+        gap(("smooth_floor_dashpot", OURS), ("smooth_floor", THEIRS), 0.1), 1e-9, SAME,
+        "an option that is not LIGGGHTS' way",
+    ),
+    _there(
         "half-step damping: error of LIGGGHTS / error of gpudem's integrator `path`, finest step",
         _half_step, 5.0, "order 1 against 1.3, from a lower start: the ratio grows with the number of steps",
         "an integrator `path` that is no better", needs=BOTH, against="ODE (DOP853, rtol 1e-13)",

@@ -113,6 +113,7 @@ def summary(results: Results) -> pandas.DataFrame:
     hop_gap = findings.velocity_gap(results["hop_default_factor", THEIRS], results["hop", THEIRS], 1e-3)
     again = findings.velocity_gap(results["collide_two_runs", THEIRS], results["collide", THEIRS], 1.0)
     above = dict(zip(findings.SLIDES, findings.excess(results["default", THEIRS]), strict=True))
+    share = findings.tangential_share(results["smooth_floor", THEIRS])
     label = c.finest(results, "dt_")
     theirs, ours = c.impact_error(results, label, THEIRS), c.impact_error(results, f"path_{label}", OURS)
     burst = results["burst", THEIRS]
@@ -131,6 +132,12 @@ def summary(results: Results) -> pandas.DataFrame:
             f"{100 * above[0.3]:.0f} % above mu (1 + e) vn at e = 0.3, {100 * above[0.9]:.1f} % at 0.9",
             _in_flow(results, "flow_coulomb") + " at e = 0.9",
             "limit_force with tangential_damping = false, in both codes",
+        ),
+        (
+            "Beside pairs with friction, contacts without it feel the tangential dashpot at each set-up.",
+            f"{100 * share:.0f} % of the normal force at t = 0",
+            "at the start, and at each removal of a gate",
+            "gpudem, but with contact.frictionless_dashpot = true; a scene in which no pair has friction",
         ),
         (
             "Damping sees half-step velocities: first order.",

@@ -27,6 +27,8 @@ def variants(tier: Tier) -> list[Variant]:
         Variant("hop", findings.hop()),
         _deviating("hop_default_factor", findings.hop(), "default_contact_distance_factor"),
         *(Variant(law, findings.slide(law)) for law in findings.LAWS),
+        Variant("smooth_floor", findings.smooth_floor(dashpot=False)),
+        Variant("smooth_floor_dashpot", findings.smooth_floor(dashpot=True), ("gpudem",)),
         *(Variant(label, scene) for label, scene in steps.items()),
         *(_path(f"path_{label}", scene) for label, scene in steps.items()),
         Variant("collide", findings.collide()),
