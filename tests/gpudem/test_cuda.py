@@ -14,6 +14,7 @@ from comparisons.bench_worker import measure
 from gpudem.driver import simulate as run
 from gpudem.errors import SimulationError
 from gpudem.scene import Scene
+from gpudem.simulation import Simulation
 from gpudem.solver.device import wp
 from gpudem.solver.solver import Solver
 from tests.gpudem.beds import finish, same
@@ -146,3 +147,27 @@ def test_rate_of_a_large_flowing_bed(precision, least):
     steps = 2000
     done = measure("flowing", 1_000_000, steps, 1, "cuda:0", precision, time.time())
     assert 1_000_000 * steps / done.stepping_s > least
+
+
+@DEVICES
+def test_a_simulation_is_read_and_written_by_id(where):
+    """On the device, by id; catches a read of a step that has not ended, a write that is lost."""
+    scene = SCENES["friction"]()
+    solver = simulation(scene, where)
+    solver.start(write=True)
+    with Simulation.of_solver(solver) as sim:
+        sim.step(150)
+        frame = solver.frame()
+        for name in ("position", "velocity", "angular_velocity", "force", "torque"):
+            array = sim.read(name)
+            assert array.device == solver.device
+            assert np.array_equal(array.numpy(), frame[name]), name
+        before = sim.observe("kinetic_energy")
+        assert before == pytest.approx(0.5 * scene.masses @ (frame["velocity"] ** 2).sum(axis=1), rel=1e-12)
+        sim.write("velocity", 0.5 * frame["velocity"])
+        assert sim.observe("kinetic_energy") == pytest.approx(before / 4, rel=1e-12)
+        v, f = sim.read("velocity").numpy(), sim.read("force").numpy()
+        sim.step(1)
+        dt = scene.time.step
+        drift = dt * (v + 0.5 * dt * f / scene.masses[:, None])
+        assert np.allclose(sim.read("position").numpy(), frame["position"] + drift, rtol=0, atol=1e-12)
