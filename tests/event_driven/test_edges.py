@@ -9,6 +9,7 @@ import pytest
 import warp as wp
 
 import gpudem.event_driven
+from gpudem.contact import registry
 from gpudem.errors import SceneError, SimulationError
 from gpudem.event_driven.engine import EVENTS_PER_LAUNCH, Engine
 from gpudem.event_driven.problem import HardSphereProblem
@@ -281,8 +282,9 @@ def test_a_wall_of_another_kind_is_refused_by_name(monkeypatch):
 
 def test_a_law_that_acts_at_a_distance_is_refused(monkeypatch):
     # detects: cohesion of another package that is simulated as if there were none
+    hertz = type(registry.law("normal", "hertz"))
+    monkeypatch.setattr(hertz, "range", lambda law, inputs: 1e-4)
     scene = scenes.scene([[0, 0, 0.5]], [[0, 0, 0]])
-    monkeypatch.setattr(type(scene.normal_law), "range", lambda law, inputs: 1e-4)
     with pytest.raises(SceneError, match=r"contact\.normal = 'hertz': acts across gaps up to 0\.0001 m"):
         HardSphereProblem.from_scene(scene)
 
