@@ -105,6 +105,34 @@ def _in_flow(results: Results, name: str) -> str:
     return f"{number(early, 2)} of the kinetic energy within 0.05 s"
 
 
+def _of_output(results: Results) -> list[tuple[str, str, str, str]]:
+    """Rows of `summary` about what LIGGGHTS writes and says."""
+    burst = results["burst", THEIRS]
+    exact, points, off = findings.points_error(results["still_raw", THEIRS])
+    touching = exact > 0
+    depth = float(np.median(np.abs(points - exact)[touching] / exact[touching]))
+    return [
+        (
+            "Particles that leave are dropped, exit status 0, no message.",
+            "1 of 2",
+            f"{burst.notes['lost']} of {burst.timing.particles} of a bed that blew up",
+            "deck: thermo_modify lost error; gpudem: an error that names the particle",
+        ),
+        (
+            "Not a number goes on to exit status 0, no message.",
+            "2 of 2 particles",
+            "not looked at",
+            "our runner watches the output; gpudem: an error that names the particle",
+        ),
+        (
+            "VTK points are float32.",
+            f"{1e9 * off.max():.2g} nm",
+            f"overlaps of a settled bed, softened 600 times, off by {100 * depth:.2g} % (median)",
+            "deck: a float64 column of the same file, from which our frames are made",
+        ),
+    ]
+
+
 def summary(results: Results) -> pandas.DataFrame:
     """One row a behaviour: its size, and what is free of it."""
     import pandas
@@ -116,10 +144,6 @@ def summary(results: Results) -> pandas.DataFrame:
     share = findings.tangential_share(results["smooth_floor", THEIRS])
     label = c.finest(results, "dt_")
     theirs, ours = c.impact_error(results, label, THEIRS), c.impact_error(results, f"path_{label}", OURS)
-    burst = results["burst", THEIRS]
-    exact, points, off = findings.points_error(results["still_raw", THEIRS])
-    touching = exact > 0
-    depth = float(np.median(np.abs(points - exact)[touching] / exact[touching]))
     rows = [
         (
             "The shear spring of a pair survives separation until the list is rebuilt.",
@@ -151,24 +175,7 @@ def summary(results: Results) -> pandas.DataFrame:
             "one step for each run command",
             "deck: one run command for each set of walls; gpudem: output sets nothing up",
         ),
-        (
-            "Particles that leave are dropped, exit status 0, no message.",
-            "1 of 2",
-            f"{burst.notes['lost']} of {burst.timing.particles} of a bed that blew up",
-            "deck: thermo_modify lost error; gpudem: an error that names the particle",
-        ),
-        (
-            "Not a number goes on to exit status 0, no message.",
-            "2 of 2 particles",
-            "not looked at",
-            "our runner watches the output; gpudem: an error that names the particle",
-        ),
-        (
-            "VTK points are float32.",
-            f"{1e9 * off.max():.2g} nm",
-            f"overlaps of a settled bed, softened 600 times, off by {100 * depth:.2g} % (median)",
-            "deck: a float64 column of the same file, from which our frames are made",
-        ),
+        *_of_output(results),
     ]
     columns = ["behaviour of LIGGGHTS 3.8.0", "size in one contact", "in 5000 balls", "free of it"]
     return pandas.DataFrame(rows, columns=columns)

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import functools
 import importlib
-import importlib.metadata
 import pkgutil
 from typing import Any
 
 from gpudem.contact.law import Law, Slot
+from gpudem.entry_points import load_entry_points
 from gpudem.errors import GpudemError
 
 GROUP = "gpudem.laws"
@@ -83,9 +83,5 @@ def _built_in(slot: str, name: str) -> Law | None:
 
 @functools.cache
 def _load_entry_points() -> None:
-    """Register the laws of installed packages, once. Raises GpudemError: an entry does not load."""
-    for entry in importlib.metadata.entry_points(group=GROUP):
-        try:
-            register(entry.load())
-        except (ImportError, AttributeError) as error:
-            raise GpudemError(f"entry point {entry.name!r} of {GROUP} ({entry.value}): {error}") from error
+    """Those of installed packages, once."""
+    load_entry_points(GROUP, register)

@@ -21,12 +21,12 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import importlib.metadata
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gpudem.entry_points import load_entry_points
 from gpudem.errors import GpudemError
 
 if TYPE_CHECKING:
@@ -116,12 +116,8 @@ def names() -> list[str]:
 
 @functools.cache
 def _load_entry_points() -> None:
-    """Register the observables of installed packages, once. Raises GpudemError: an entry does not load."""
-    for entry in importlib.metadata.entry_points(group=GROUP):
-        try:
-            register(entry.load())
-        except (ImportError, AttributeError) as error:
-            raise GpudemError(f"entry point {entry.name!r} of {GROUP} ({entry.value}): {error}") from error
+    """Those of installed packages, once."""
+    load_entry_points(GROUP, register)
 
 
 def select(history: pandas.DataFrame, names: Sequence[str] | None, code: str) -> tuple[Any, list[str]]:

@@ -10,9 +10,9 @@ from __future__ import annotations
 import dataclasses
 import functools
 import importlib
-import importlib.metadata
 from typing import Any
 
+from gpudem.entry_points import load_entry_points
 from gpudem.errors import GpudemError
 
 GROUP = "gpudem.walls"
@@ -84,9 +84,5 @@ def _built_in(name: str) -> WallKind | None:
 
 @functools.cache
 def _load_entry_points() -> None:
-    """Register the kinds of installed packages, once. Raises GpudemError: an entry does not load."""
-    for entry in importlib.metadata.entry_points(group=GROUP):
-        try:
-            register(entry.load())
-        except (ImportError, AttributeError) as error:
-            raise GpudemError(f"entry point {entry.name!r} of {GROUP} ({entry.value}): {error}") from error
+    """Those of installed packages, once."""
+    load_entry_points(GROUP, register)
