@@ -139,3 +139,34 @@ def test_gravity_and_nothing_else(materials):
     assert scene.needs.gravity
     assert scene.needs.several_materials == (len(materials) > 1)
     assert np.allclose(trace["force"], scene.masses[:, None] * g, rtol=1e-14)
+
+
+def test_each_wall_has_the_coefficients_of_its_material_and_the_particles():
+    """Two materials of balls on two walls of other materials: each rebounds with the restitution of its pair.
+
+    Detects: coefficients taken by the wall only, by the particle's material only, or of the first wall.
+    """
+    restitution = {("a", "floor"): 0.9, ("b", "floor"): 0.7, ("a", "side"): 0.5, ("b", "side"): 0.3}
+    material = {"young": 5e6, "poisson": 0.3, "density": 2500.0}
+    others = [("a", "a"), ("a", "b"), ("b", "b")]
+    scene = Scene(
+        name="walls", materials=dict.fromkeys(("a", "b", "floor", "side"), material),
+        pairs=[{"materials": p, "restitution": e} for p, e in restitution.items()]
+        + [{"materials": p, "restitution": 1.0} for p in others],
+        particles={
+            "source": "explicit", "radius": 0.003, "material": ("a", "b", "a", "b"),
+            "position": [(0.05, 0.02, 0.0031), (0.05, 0.05, 0.0031), (0.0031, 0.02, 0.05),
+                         (0.0031, 0.05, 0.05)],
+            "velocity": [(0, 0, -0.2), (0, 0, -0.2), (-0.2, 0, 0), (-0.2, 0, 0)],
+        },
+        walls=[
+            {"kind": "plane", "name": "floor", "material": "floor", "point": (0, 0, 0), "normal": (0, 0, 1)},
+            {"kind": "plane", "name": "side", "material": "side", "point": (0, 0, 0), "normal": (1, 0, 0)},
+        ],
+        domain={"lo": (0, 0, 0), "hi": (0.1, 0.1, 0.1)}, time={"step": 2e-6, "duration": 8e-3},
+        output={"trace_every": 8e-3},
+    )  # fmt: skip
+    trace = simulate(scene).trace
+    assert trace is not None
+    rebound = np.abs(trace["velocity"][-1]).max(axis=1) / 0.2
+    assert rebound == pytest.approx(list(restitution.values()), abs=5e-3)
