@@ -7,10 +7,12 @@ failed.
 
 from __future__ import annotations
 
+import fcntl
 import json
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,7 @@ from comparisons.mutants.recorded import RECORDED, load_record
 from comparisons.mutants.table import Mutation, TestSet, load
 from comparisons.mutants.trial import CAUGHT, SURVIVED, UNKNOWN, SourceCopy, Verdict
 from gpudem.errors import GpudemError
+from gpudem.output.atomic import write_text
 
 ROOT = Path(__file__).parents[2]
 #: Up to so many mutants, the baseline is verified only for the tests that they need.
@@ -31,21 +34,28 @@ FEW = 20
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("names", nargs=-1)
 @click.option("--record", is_flag=True, help="Store the result in comparisons/recorded/mutants.json.")
+@click.option("--part", default="1/1", help="K/N: every Nth mutant from the Kth on, for several processes.")
 @click.option(
     "--everything", is_flag=True, help="Run the whole test set on each mutant, not only until a test fails."
 )
-def main(names: tuple[str, ...], record: bool, everything: bool) -> None:
-    """Test all mutants, or those named."""
+def main(names: tuple[str, ...], record: bool, part: str, everything: bool) -> None:
+    """Test all mutants, or those named; each result is stored at once."""
     try:
         test_set, mutations = load()
-        chosen = [m for m in mutations if not names or m.name in names]
+        chosen = _part([m for m in mutations if not names or m.name in names], part)
         unknown_names = set(names) - {m.name for m in mutations}
         if unknown_names:
             raise GpudemError(f"no such mutation: {', '.join(sorted(unknown_names))}")
         sources = Sources.read(ROOT)
         for m in mutations:
             m.applied(sources)
-        rows, seconds = _test_all(test_set, chosen, everything)
+
+        def store(row: dict[str, Any]) -> None:
+            if record:
+                _record([row], 0.0, mutations, merge=True)
+
+        few = len(chosen) <= FEW or part != "1/1"
+        rows, seconds = _test_all(test_set, chosen, everything, few, store)
     except GpudemError as error:
         click.echo(f"error: {error}", err=True)
         sys.exit(2)
@@ -57,8 +67,20 @@ def main(names: tuple[str, ...], record: bool, everything: bool) -> None:
         if by_outcome[outcome]:
             click.echo(f"{outcome}: {', '.join(by_outcome[outcome])}")
     if record:
-        _record(rows, seconds, mutations, merge=bool(names))
+        _record(rows, seconds, mutations, merge=len(chosen) < len(mutations))
+        click.echo(f"stored in {RECORDED}")
     sys.exit(exit_code(rows))
+
+
+def _part(mutations: list[Mutation], part: str) -> list[Mutation]:
+    """Every Nth from the Kth on, of K/N. Raises GpudemError: not such a fraction."""
+    try:
+        k, n = (int(number) for number in part.split("/"))
+    except ValueError:
+        k = n = 0
+    if not 1 <= k <= n:
+        raise GpudemError(f"--part = {part!r}: must be K/N with 1 <= K <= N, like 1/2")
+    return mutations[k - 1 :: n]
 
 
 def exit_code(rows: list[dict[str, Any]]) -> int:
@@ -71,28 +93,34 @@ def _record(rows: list[dict[str, Any]], seconds: float, mutations: list[Mutation
     """Write the record; with `merge`, rows replace those of the same names, and each has its own commit."""
     where = {k: v for k, v in provenance.collect().items() if k in ("date", "commit", "hardware")}
     RECORDED.parent.mkdir(exist_ok=True)
-    last = load_record() if merge else None
-    if last is not None:
-        where, seconds = last.provenance, last.seconds
-        merged = {row["name"]: row for row in [*(r.data for r in last.rows), *rows]}
-        rows = [merged[m.name] for m in mutations if m.name in merged]
-    text = json.dumps({"provenance": where, "seconds": round(seconds), "mutants": rows}, indent=1)
-    RECORDED.write_text(text + "\n")
-    click.echo(f"stored in {RECORDED}")
+    with (RECORDED.parent / ".mutants.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # several processes may test a part each
+        last = load_record() if merge else None
+        if last is not None:
+            where, seconds = last.provenance, last.seconds
+            merged = {row["name"]: row for row in [*(r.data for r in last.rows), *rows]}
+            rows = [merged[m.name] for m in mutations if m.name in merged]
+        text = json.dumps({"provenance": where, "seconds": round(seconds), "mutants": rows}, indent=1)
+        write_text(RECORDED, text + "\n")
 
 
 def _test_all(
-    test_set: TestSet, chosen: list[Mutation], everything: bool
+    test_set: TestSet,
+    chosen: list[Mutation],
+    everything: bool,
+    few: bool,
+    store: Callable[[dict[str, Any]], None],
 ) -> tuple[list[dict[str, Any]], float]:
     began, rows = time.monotonic(), []
     with tempfile.TemporaryDirectory(prefix="mutants_") as folder:
         copy = SourceCopy(ROOT, Path(folder), test_set)
-        if len(chosen) > FEW:  # else each member of the test set is verified when a mutant first needs it
+        if not few:  # else each member of the test set is verified when a mutant first needs it
             seconds = copy.verify_baseline(list(test_set.nodes))
             click.echo(f"baseline: all {len(test_set.nodes)} members of the test set pass, {seconds:.0f} s")
         for k, m in enumerate(chosen, 1):
             verdict = copy.test(m, list(test_set.nodes if everything else m.first_tests))
             rows.append(_row(m, copy.sources, verdict, provenance.commit()[0]))
+            store(rows[-1])
             click.echo(f"[{k}/{len(chosen)}] {m.name}: {_phrase(verdict)}, {verdict.seconds:.0f} s")
     return rows, time.monotonic() - began
 
