@@ -170,3 +170,28 @@ def test_each_wall_has_the_coefficients_of_its_material_and_the_particles():
     assert trace is not None
     rebound = np.abs(trace["velocity"][-1]).max(axis=1) / 0.2
     assert rebound == pytest.approx(list(restitution.values()), abs=5e-3)
+
+
+def test_a_gate_that_is_stated_before_other_walls_is_the_one_that_goes():
+    """A ball flies through where the gate was, and rebounds from the wall behind it.
+
+    Detects: walls taken by their place among those present, so that another one is removed.
+    """
+    step = 2e-6
+    scene = Scene(
+        name="first", materials={"ball": BALL, "wall": WALL},
+        pairs=[{"materials": ("ball", p), "restitution": 1.0} for p in ("ball", "wall")],
+        particles={"source": "explicit", "material": "ball", "radius": R, "position": [(0.01, 0, 0)],
+                   "velocity": [(0.5, 0, 0)]},
+        walls=[
+            {"kind": "plane", "name": "gate", "material": "wall", "point": (0.02, 0, 0), "normal": (-1, 0, 0),
+             "removed_at": 4e-3},
+            {"kind": "plane", "name": "end", "material": "wall", "point": (0.03, 0, 0), "normal": (-1, 0, 0)},
+        ],
+        domain={"lo": (0, -0.01, -0.01), "hi": (0.031, 0.01, 0.01)}, time={"step": step, "duration": 0.05},
+        output={"trace_every": 1e-3},
+    )  # fmt: skip
+    trace = simulate(scene).trace
+    assert trace is not None
+    assert 0.02 < trace["position"][:, 0, 0].max() < 0.03 - R + 2e-4
+    assert trace["velocity"][-1, 0, 0] == pytest.approx(-0.5, rel=1e-3)

@@ -169,3 +169,26 @@ def test_blocks_are_eight_layers_or_more(layers, blocks):
     """Catches blocks so thin that most pairs lie across."""
     assert -(-100_000 // block_size(100_000, layers)) == blocks
     assert block_size(900, layers) == 900
+
+
+def test_crossings_stay_with_their_particle():
+    """Small balls fly freely through periodic sides and are sorted anew: unwrapped, each is at x + v t.
+
+    Detects: counts of crossings that stay at a place of the sorted order, or count the wrong way.
+    """
+    rng, n = np.random.default_rng(5), 60
+    x, v = rng.uniform(0, 0.05, (n, 3)), rng.uniform(-20, 20, (n, 3))
+    scene = Scene(
+        name="free", materials={"ball": MATERIALS["ball"]}, pairs=PAIR,
+        particles={"source": "explicit", "material": "ball", "radius": 1e-5, "position": x, "velocity": v},
+        domain={"lo": (0, 0, 0), "hi": (0.05, 0.05, 0.05), "periodic": (True, True, True)},
+        time={"step": 4e-7, "duration": 8e-3}, solver={"skin": 2e-3}, allow=["time_step", "speed"],
+    )  # fmt: skip
+    solver = Solver(scene)
+    solver.start(write=True)
+    solver.advance(scene.n_steps - 1)
+    solver.write_step()
+    unwrapped = solver.column("unwrapped_position")
+    solver.close()
+    assert np.abs(unwrapped - scene.state.position).max() > 2 * 0.05
+    assert np.abs(unwrapped - (scene.state.position + v * 8e-3)).max() < 1e-9
