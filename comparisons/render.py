@@ -38,11 +38,14 @@ _PROBE = (
 )
 
 
-@functools.cache
 def can_render() -> bool:
-    """Whether VTK renders off-screen here; asked in another process, for a broken GL stack kills its own."""
-    if os.environ.get("GPUDEM_NO_RENDER"):
-        return False
+    """Whether VTK renders off-screen here, and GPUDEM_NO_RENDER is not set."""
+    return not os.environ.get("GPUDEM_NO_RENDER") and _renders()
+
+
+@functools.cache
+def _renders() -> bool:
+    """Tried in another process, for a broken GL stack kills its own."""
     try:
         done = subprocess.run(
             [sys.executable, "-c", _PROBE], capture_output=True, timeout=120, env=_environment()

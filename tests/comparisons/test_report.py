@@ -170,11 +170,9 @@ def test_setup_names_what_differs_between_variants():
 
 def test_pictures_without_gl_say_so(monkeypatch, tmp_path):
     monkeypatch.setenv("GPUDEM_NO_RENDER", "1")
-    render.can_render.cache_clear()
     scene = fake.scene()
     frame = {"position": scene.state.position, "velocity": scene.state.velocity, "radius": scene.state.radius}
     text = svg.of(render.side_by_side({"one": (scene, frame), "two": (scene, frame)}), "x")
-    render.can_render.cache_clear()
     assert "no off-screen rendering here" in text
 
 
