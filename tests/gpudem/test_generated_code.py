@@ -10,6 +10,9 @@ from gpudem.solver.device import quiet, wp
 from gpudem.solver.spec import Spec
 from gpudem.solver.step_kernel import step_kernel
 
+#: Ten kernels to write: not in the fast part of the tests.
+pytestmark = pytest.mark.long
+
 FULL = {"tangential": "history", "rotation": True, "gravity": True, "walls": ("plane",), "half_list": True}
 MORE = {**FULL, "multi_material": True, "polydisperse": True, "periodic": (True, True, True)}
 SPECS = {
