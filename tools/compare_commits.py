@@ -239,14 +239,9 @@ def tables_of(commit: str, folder: Path, wanted: str) -> dict[str, Table]:
     found: dict[str, Table] = {}
     with np.load(out) as file:
         for key in file.files:
-            name, _, column = key.partition("/") if "hertz/stiffness" not in key else _split(key)
+            name, _, column = key.rpartition("/")  # names of scenes may have one too
             found.setdefault(name, {})[column] = file[key]
     return found
-
-
-def _split(key: str) -> tuple[str, str, str]:
-    """A key whose scene has a slash in its name."""
-    return key.rpartition("/")
 
 
 def difference(one: Table, other: Table) -> tuple[float, str]:

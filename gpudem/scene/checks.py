@@ -127,8 +127,9 @@ def _pairs(scene: Scene) -> list[str]:
             found.append(
                 f"pairs: {' / '.join(pair.materials)}: {scene.contact.normal} needs {', '.join(missing)}"
             )
-    if scene.contact.normal == "hooke" and scene.contact.characteristic_velocity is None:
-        found.append("contact.characteristic_velocity: missing; hooke needs it [m/s]")
+    law = scene.normal_law
+    if "characteristic_velocity" in law.reads and scene.contact.characteristic_velocity is None:
+        found.append(f"contact.characteristic_velocity: missing; {law.name} needs it [m/s]")
     return found
 
 

@@ -214,10 +214,6 @@ def test_use_after_close_and_after_an_error():
             lost.step()
 
 
-def threads() -> int:
-    return sum(t.name.startswith("Thread") for t in threading.enumerate())
-
-
 def test_no_thread_is_left(monkeypatch):
     """Dropped without `close`, closed, or ended by an error."""
     monkeypatch.setattr("gpudem.solver.solver.block_size", lambda n, layers: 100)
