@@ -154,7 +154,7 @@ class Solver:
 
     # -- the algorithm -------------------------------------------------------------------------------------
 
-    def start(self, planes: list[Wall] | None = None, write: bool = False) -> None:
+    def start(self, walls: list[Wall] | None = None, write: bool = False) -> None:
         """Set-up: forces at the present full-step velocities with the given walls; first kick and drift.
 
         At a later start (a gate was removed) the step before it must be one of `write_step`.
@@ -165,7 +165,7 @@ class Solver:
             bodies: Any = self.state.now.numpy()
             self._choose_order(bodies["position"])
             self.pool.partition(self.params.block)  # mutate: slices_of_new_blocks
-        self._set_walls(planes)
+        self._set_walls(walls)
         self._move_walls(self.step_count)
         self._rebuild()
         self._launch(SETUP | (WRITE if write else 0))
@@ -336,8 +336,8 @@ class Solver:
         stored["counts"] = np.array([*done, self.spec.half_list, *order], np.int64)
         return stored
 
-    def load_state_dict(self, saved: dict[str, np.ndarray], planes: list[Wall] | None = None) -> None:
-        """Take over what `saved` gave for the same scene, in the place of `start`; `planes`: those present.
+    def load_state_dict(self, saved: dict[str, np.ndarray], walls: list[Wall] | None = None) -> None:
+        """Take over what `saved` gave for the same scene, in the place of `start`; `walls`: those present.
 
         Raises SimulationError for a state of another scene, precision or kind of device.
         """
@@ -356,7 +356,7 @@ class Solver:
                 array = array[: len(saved[name])]
             if array.size:
                 array.assign(saved[name])
-        self._set_walls(planes)
+        self._set_walls(walls)
         # mutate: restart_counts
         self.step_count, self.neighbors.rebuilds, self._needs_rebuild = counts[0], counts[1], bool(counts[2])
 
