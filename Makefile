@@ -23,7 +23,7 @@ test-fast: ## its fast part, some 90 s: no LIGGGHTS, no cases, few kernels to co
 
 mutants: ## mutation testing: which test detects each known defect? ARGS=--record stores the result
 	@bash tools/setup.sh test
-	@.venv/bin/python -m comparisons.mutants $(ARGS)
+	@.venv/bin/python -m comparisons.mutation $(ARGS)
 
 lint: ## ruff, its formatter and the type checker
 	@bash tools/setup.sh lint

@@ -15,14 +15,14 @@ from typing import Any
 
 import pytest
 
-pytest_plugins = ["comparisons.pytest_plugin"]
+pytest_plugins = ["comparisons.harness.pytest_plugin"]
 
 #: Cases of the quick tier whose checks compare run times.
 TIMED_CASES = {"event_speed"}
 
 
 def _gpu() -> bool:
-    from comparisons.provenance import gpus
+    from comparisons.harness.provenance import gpus
 
     return bool(gpus())
 

@@ -29,7 +29,7 @@ from compare_commits import unpack
 
 def serve() -> None:
     """The worker: reads "BED N THREADS PRECISION" and then numbers of steps; answers each with a line."""
-    from comparisons.beds import SKIN, bench_scene
+    from comparisons.bench.beds import SKIN, bench_scene
 
     try:
         from gpudem.solver.solver import Solver

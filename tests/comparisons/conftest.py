@@ -6,8 +6,8 @@ import dataclasses
 
 import pytest
 
-from comparisons import codes, execute
-from comparisons.case import Case, Check
+from comparisons.harness import codes, execute
+from comparisons.harness.case import Case, Check
 from tests.comparisons import fake
 
 

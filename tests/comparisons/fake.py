@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from comparisons import plots, render
-from comparisons.case import Case, Check, Figure, Measured, Table, Variant
-from comparisons.codes import Code
+from comparisons.harness.case import Case, Check, Figure, Measured, Table, Variant
+from comparisons.harness.codes import Code
+from comparisons.report import plots, render
 from gpudem.errors import GpudemError
 from gpudem.output.frames import FrameWriter
 from gpudem.output.run import Run, Timing

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from comparisons import animate, cli, render
+from comparisons import cli
+from comparisons.report import animate, render
 from gpudem import driver, event_driven
 from gpudem.errors import GpudemError
 from gpudem.scene import Output, Scene

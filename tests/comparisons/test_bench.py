@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from comparisons import bench, bench_worker, roofline
-from comparisons.beds import COUNT, STEP, bench_scene
+from comparisons.bench import command as bench
+from comparisons.bench import roofline
+from comparisons.bench import worker as bench_worker
+from comparisons.bench.beds import COUNT, STEP, bench_scene
 from gpudem.errors import GpudemError
 from gpudem.solver.solver import Solver
 

@@ -9,8 +9,9 @@ from collections.abc import Callable
 
 import pytest
 
-from comparisons.case import Case, Results
-from comparisons.cases import head_on, oblique, slide_to_roll, wall_restitution
+from comparisons.cases.rolling import slide_to_roll
+from comparisons.cases.single_contact import head_on, oblique, wall_restitution
+from comparisons.harness.case import Case, Results
 from gpudem import driver
 from gpudem.scene import Scene
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from comparisons import cli, discover
+from comparisons import cli
+from comparisons.harness import discover
 from gpudem import driver
 from tests.comparisons import fake
 
@@ -67,7 +68,7 @@ def test_report_is_rebuilt(here, capsys):
 
 
 def test_run_reports_speed_and_where(here, capsys, monkeypatch):
-    from comparisons import codes
+    from comparisons.harness import codes
 
     def run(scene, directory, options, progress, extra):
         from gpudem.output.run import Run, Timing
@@ -84,7 +85,7 @@ def test_run_reports_speed_and_where(here, capsys, monkeypatch):
 
 
 def test_run_interrupted(here, capsys, monkeypatch):
-    from comparisons import codes
+    from comparisons.harness import codes
 
     def run(scene, directory, options, progress, extra):
         progress(7)
@@ -188,7 +189,8 @@ def test_interrupting_the_command_keeps_the_results(tmp_path, number):
     program = f"""
 import signal, sys, time; sys.path.insert(0, {str(ROOT)!r})
 signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where the tests run in the background
-from comparisons import cli, codes, discover
+from comparisons import cli
+from comparisons.harness import codes, discover
 from tests.comparisons import fake
 def run(scene, directory, options, progress, extra):
     print("running", flush=True); time.sleep(60)
@@ -221,7 +223,7 @@ sys.exit(cli.main(["compare", "--out", "c", "-q"]))
 
 def test_progress_of_a_resumed_run_counts_from_its_restart(tmp_path, capsys, monkeypatch):
     """Rate and time left are those of the steps done now; the last line counts all steps and their time."""
-    from comparisons import progress
+    from comparisons.harness import progress
     from gpudem.output.restart import Restart
 
     monkeypatch.chdir(tmp_path)

@@ -16,7 +16,8 @@ from pathlib import Path
 
 import pytest
 
-from comparisons import cli, codes, provenance
+from comparisons import cli
+from comparisons.harness import codes, provenance
 from gpudem.errors import GpudemError
 from tests.comparisons.test_cli import ROOT, SCENE
 from tests.test_atomic import disk_full
@@ -88,7 +89,7 @@ def test_full_device(here):
 
 def test_closed_log_does_not_end_a_run():
     """Progress into a pipe whose reader has gone: a long run goes on without it."""
-    from comparisons.progress import Plain
+    from comparisons.harness.progress import Plain
 
     read, write = os.pipe()
     os.close(read)
@@ -278,7 +279,7 @@ def git(folder: Path, *arguments: str) -> str:
 def test_commit_of_a_package_within_another_repository(tmp_path, monkeypatch):
     """In a virtual environment of somebody's project: not that project's commit."""
     git(tmp_path, "init", "-q")
-    package = tmp_path / "venv" / "lib" / "comparisons"
+    package = tmp_path / "venv" / "lib" / "comparisons" / "harness"
     package.mkdir(parents=True)
     (package / "provenance.py").write_text("")
     git(tmp_path, "add", ".")
@@ -292,13 +293,14 @@ def test_commit_of_a_package_within_another_repository(tmp_path, monkeypatch):
 
 def test_commit_of_a_checkout(tmp_path, monkeypatch):
     git(tmp_path, "init", "-q")
-    (tmp_path / "comparisons").mkdir()
-    (tmp_path / "comparisons" / "provenance.py").write_text("")
+    harness = tmp_path / "comparisons" / "harness"
+    harness.mkdir(parents=True)
+    (harness / "provenance.py").write_text("")
     git(tmp_path, "add", ".")
     git(tmp_path, "commit", "-qm", "ours")
-    monkeypatch.setattr(provenance, "__file__", str(tmp_path / "comparisons" / "provenance.py"))
+    monkeypatch.setattr(provenance, "__file__", str(harness / "provenance.py"))
     monkeypatch.setenv("GIT_DIR", "/nowhere")
     short = git(tmp_path, "--git-dir", str(tmp_path / ".git"), "rev-parse", "--short", "HEAD")
     assert provenance.commit() == (short, False)
-    (tmp_path / "comparisons" / "provenance.py").write_text("changed")
+    (harness / "provenance.py").write_text("changed")
     assert provenance.commit() == (short, True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from comparisons.engines import gap
+from comparisons.metrics.engines import gap
 
 
 def samples(shift: float) -> dict[str, np.ndarray]:

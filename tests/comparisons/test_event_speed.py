@@ -8,9 +8,9 @@ import shutil
 
 import pytest
 
-from comparisons import event_speed
-from comparisons.cases import event_speed as case
-from comparisons.evaluate import Evaluation
+from comparisons.cases.performance import c_reference as event_speed
+from comparisons.cases.performance import event_speed as case
+from comparisons.harness.evaluate import Evaluation
 from gpudem.errors import GpudemError
 
 needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")

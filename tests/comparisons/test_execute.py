@@ -4,10 +4,10 @@ import json
 
 import pytest
 
-from comparisons import execute, progress, results
-from comparisons.case import Case, Check, Variant
-from comparisons.discover import find_cases, select
-from comparisons.evaluate import holds
+from comparisons.harness import execute, progress, results
+from comparisons.harness.case import Case, Check, Variant
+from comparisons.harness.discover import find_cases, select
+from comparisons.harness.evaluate import holds
 from gpudem.errors import GpudemError
 from tests.comparisons import fake
 
@@ -186,14 +186,19 @@ def test_cases_are_found_in_order_and_a_broken_one_says_so(tmp_path, monkeypatch
         "from tests.comparisons import fake\nCASE = fake.case('good', order=3)\n"
     )
     (package / "broken.py").write_text("import no_such_module\n")
-    (package / "_helper.py").write_text("1/0\n")
+    (package / "family").mkdir()
+    (package / "family" / "__init__.py").touch()
+    (package / "family" / "scenes.py").write_text("from tests.comparisons import fake\n")
+    (package / "family" / "deep.py").write_text(
+        "from tests.comparisons import fake\nCASE = fake.case('deep', order=2)\n"
+    )
     monkeypatch.syspath_prepend(tmp_path)
     import fake_cases
 
     found = find_cases(fake_cases)
-    assert [case.name for case in found] == ["broken", "good"]
+    assert [case.name for case in found] == ["broken", "deep", "good"]
     comparison = run(tmp_path, found[0])
-    assert "broken.py does not load: ModuleNotFoundError" in comparison.cases[0].why
+    assert "fake_cases.broken does not load: ModuleNotFoundError" in comparison.cases[0].why
     assert comparison.exit_code() == 1
 
 

@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from comparisons.cases.extremes import scenes
-from comparisons.extremes import Extreme
+from comparisons.cases.limits.extreme_scenes import Extreme
+from comparisons.cases.limits.extremes import scenes
 from gpudem import driver
 from gpudem.errors import SimulationError
 from gpudem.output.run import Run

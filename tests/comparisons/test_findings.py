@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from comparisons import findings, findings_checks
-from comparisons.case import Check, Results
-from comparisons.evaluate import holds
+from comparisons.cases.liggghts_findings import checks as findings_checks
+from comparisons.cases.liggghts_findings import scenes as findings
+from comparisons.harness.case import Check, Results
+from comparisons.harness.evaluate import holds
 from gpudem import driver
 from gpudem.output.run import Run, Timing
 

@@ -14,14 +14,14 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from comparisons.cases import mutants as case
-from comparisons.mutants import __main__ as command
-from comparisons.mutants import trial
-from comparisons.mutants.markers import Marked, Sources
-from comparisons.mutants.operations import ALLOWED_NAMES, PLACEHOLDER, Operation
-from comparisons.mutants.recorded import Record, Row, load_record
-from comparisons.mutants.table import TABLE, Mutation, TestSet, load
-from comparisons.mutants.trial import SourceCopy, Verdict
+from comparisons.cases.performance import mutants as case
+from comparisons.mutation import __main__ as command
+from comparisons.mutation import trial
+from comparisons.mutation.markers import Marked, Sources
+from comparisons.mutation.operations import ALLOWED_NAMES, PLACEHOLDER, Operation
+from comparisons.mutation.recorded import Record, Row, load_record
+from comparisons.mutation.table import TABLE, Mutation, TestSet, load
+from comparisons.mutation.trial import SourceCopy, Verdict
 from gpudem.errors import GpudemError
 
 ROOT = Path(__file__).parents[2]

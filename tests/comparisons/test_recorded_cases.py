@@ -6,9 +6,11 @@ import re
 
 import pytest
 
-from comparisons import cli, discover, execute, recorded_cases, report
-from comparisons.case import Table
-from comparisons.discover import find_cases
+from comparisons import cli
+from comparisons.harness import discover, execute, recorded_cases
+from comparisons.harness.case import Table
+from comparisons.harness.discover import find_cases
+from comparisons.report import page as report
 from gpudem.errors import GpudemError
 from tests.comparisons import fake
 from tests.comparisons.test_report import Page

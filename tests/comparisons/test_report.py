@@ -6,8 +6,11 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from comparisons import plots, render, report, report_view, results, setup_table, svg
-from comparisons.numbers import number
+from comparisons.harness import results, setup_table
+from comparisons.harness.numbers import number
+from comparisons.report import page as report
+from comparisons.report import plots, render, svg
+from comparisons.report import view as report_view
 from tests.comparisons import fake
 
 
@@ -88,7 +91,7 @@ def test_the_page_is_rebuilt_from_what_is_stored(finished, tmp_path, monkeypatch
     shutil.copytree(finished[0], copy)
     before = (copy / "report.html").read_text()
     (copy / "report.html").unlink()
-    monkeypatch.setattr("comparisons.codes.CODES", fake.codes(gpudem={"fails": "must not run"}))
+    monkeypatch.setattr("comparisons.harness.codes.CODES", fake.codes(gpudem={"fails": "must not run"}))
     assert report.write(results.load(copy), copy).read_text() == before
 
 

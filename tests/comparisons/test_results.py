@@ -5,8 +5,9 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 
-from comparisons import junit, results
-from comparisons.results import CheckResult
+from comparisons.harness import results
+from comparisons.harness.results import CheckResult
+from comparisons.report import junit
 from gpudem.errors import GpudemError
 
 

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from comparisons import stiff_dam, stiff_dam_checks
-from comparisons.case import Results
+from comparisons.cases.dam_break import modulus as stiff_dam
+from comparisons.cases.dam_break import modulus_checks as stiff_dam_checks
+from comparisons.harness.case import Results
 
 SHIFTS = {
     "centre of mass z at rest [mm]": (1e6, 3.0),

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pandas
 import pytest
 
-from comparisons import dam
+from comparisons.cases.dam_break import scenes as dam
 
 
 def test_kinetic_energy_by_the_fall_of_the_flow(monkeypatch):

@@ -7,8 +7,8 @@ pairs twice, a source's rule that does not.
 import numpy as np
 import pytest
 
-from comparisons import soft_disks, time_stepping
-from comparisons.cases import vibrated_box
+from comparisons.cases.vibrated_disks import scenes as soft_disks
+from comparisons.cases.vibrated_disks import time_stepping, vibrated_box
 from gpudem.driver import simulate as run
 from gpudem.event_driven.problem import HardSphereProblem
 

@@ -10,7 +10,7 @@ import time
 import numpy as np
 import pytest
 
-from comparisons.bench_worker import measure
+from comparisons.bench.worker import measure
 from gpudem.driver import simulate as run
 from gpudem.errors import SimulationError
 from gpudem.scene import Scene

@@ -5,7 +5,7 @@ Catches CUDA-only compile errors, and a change that pushes a kernel into local m
 
 import pytest
 
-from comparisons.resources import find_ptxas, kernel_resources, step_kernel_resources
+from comparisons.bench.registers import find_ptxas, kernel_resources, step_kernel_resources
 from gpudem.solver.neighbor_kernels import cell_kernel, count_kernel, fill_kernel, gather_kernel
 from gpudem.solver.spec import Spec
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from comparisons import specialised
+from comparisons.cases.performance import specialised
 from gpudem.driver import simulate as run
 
 pytestmark = pytest.mark.long

@@ -1,0 +1,95 @@
+"""One gpudem measurement in a process of its own, so that its memory and its start-up are its own.
+
+`python -m comparisons.bench_worker BED PARTICLES STEPS THREADS DEVICE PRECISION STARTED` prints a `Measured`
+as JSON; STARTED is `time.time()` at the start of the process.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+import time
+
+import numpy as np
+import warp as wp
+
+from comparisons.bench.beds import SKIN, bench_scene
+from gpudem.solver.solver import Solver
+
+
+@dataclasses.dataclass(frozen=True)
+class Measured:
+    """What one run of a bed took."""
+
+    device: str
+    stepping_s: float
+    compile_s: float
+    first_step_s: float
+    """From the start of the process to the end of the first step."""
+    rebuilds: int
+    contacts: float
+    """A particle."""
+    array_bytes: float
+    """On the device, a particle."""
+    moved_bytes: float
+    """That a step must read or write at least, a particle."""
+    peak_memory_bytes: int
+
+
+def measure(
+    bed: str, particles: int, steps: int, threads: int, device: str, precision: str, started: float
+) -> Measured:
+    """Runs the bed without output."""
+    from gpudem.process import peak_memory
+
+    scene = bench_scene(bed, particles, steps, solver={"skin": SKIN, "precision": precision})
+    simulation = Solver(scene, device, threads)
+    simulation.start()
+    simulation.advance(1)
+    wp.synchronize_device(simulation.device)
+    first_step_s = time.time() - started
+    begin, rebuilds = time.perf_counter(), simulation.neighbors.rebuilds
+    simulation.advance(steps - 1)
+    wp.synchronize_device(simulation.device)
+    stepping_s = (time.perf_counter() - begin) * steps / (steps - 1)
+    rebuilds = simulation.neighbors.rebuilds - rebuilds
+    arrays = sum(simulation.memory_bytes().values()) / particles
+    moved = moved_bytes(simulation)
+    simulation.write_step(last=True)
+    return Measured(
+        device=str(simulation.device), stepping_s=stepping_s, compile_s=simulation.compile_s,
+        first_step_s=first_step_s, rebuilds=rebuilds, contacts=simulation.contact_count() / particles,
+        array_bytes=arrays, moved_bytes=moved, peak_memory_bytes=peak_memory(),
+    )  # fmt: skip
+
+
+def moved_bytes(simulation: Solver) -> float:
+    """Bytes a particle that a step reads or writes at least: springs of touching pairs alone, all else once.
+
+    What a cache cannot spare once the arrays outgrow it; without the rebuild, and without the lines that the
+    processor reads only to overwrite them.
+    """
+    n, memory = simulation.state.n, simulation.memory_bytes()
+    entries = simulation.state.particles.neighbor.numpy()[: simulation.state.particles.start.numpy()[-1]]
+
+    def each(*prefixes: str) -> float:
+        return sum(size for name, size in memory.items() if name.startswith(prefixes)) / n
+
+    spring = np.dtype(np.float64 if simulation.spec.precision == "float64" else np.float32).itemsize * 3
+    once = each("now.", "next.", "particles.x_at_rebuild", "particles.start", "particles.wall_start")
+    twice = each("particles.partial_force", "particles.partial_torque")
+    listed = (4 * len(entries) + 2 * spring * np.count_nonzero(entries < 0)) / n
+    return once + 2 * twice + float(listed)
+
+
+def main(
+    bed: str, particles: str, steps: str, threads: str, device: str, precision: str, started: str
+) -> None:  # fmt: skip
+    """Run the bed and print what was measured."""
+    done = measure(bed, int(particles), int(steps), int(threads), device, precision, float(started))
+    print(json.dumps(dataclasses.asdict(done)))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

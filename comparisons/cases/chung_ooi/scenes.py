@@ -1,0 +1,287 @@
+"""Tests 1 to 7 of Chung and Ooi (2011) as scenes: every material, angle, spin and restitution of a test side
+by side.
+
+Y. C. Chung, J. Y. Ooi, Benchmark tests for verifying discrete element modelling codes at particle impact
+level, Granular Matter 13 (2011) 643-656, doi:10.1007/s10035-011-0277-0. The plane of tests 2 to 6 is rigid.
+An infinite modulus cannot be stated, and need not be: sphere and plane of 2 E each, same nu, have the E* =
+E/(1 - nu^2) and G* = G/(2 - nu) of the sphere on a rigid plane exactly. (A plane 1e6 times stiffer would be
+off by 1e-6, and past what codes allow for a modulus.)
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from comparisons.cases.single_contact.meetings import Meeting
+from comparisons.oracles import closed_forms
+from comparisons.oracles.bodies import Bodies, star
+from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
+
+DATA = Path(__file__).parent / "data"
+#: Planes by the place of a test's material: the first hits the floor, the second the roof above it.
+PLANES = ("floor", "roof")
+#: Flight before the touch, as a share of the shortest contact time; room after the longest.
+FLIGHT, AFTER = 0.1, 1.3
+
+
+@functools.cache
+def published(name: str = "chung_ooi_2011") -> dict[str, Any]:
+    """Digitised curves and experiments, by the names in the file."""
+    return json.loads((DATA / f"{name}.json").read_text())
+
+
+@dataclasses.dataclass(frozen=True)
+class Ball:
+    """One impact: speeds along the inward normal and a tangent [m/s], spin [rad/s] that adds R w to the
+    slip.
+    """
+
+    material: str
+    restitution: float
+    normal: float
+    tangential: float = 0.0
+    spin: float = 0.0
+    what: str = ""
+    nominal: float | None = None
+    """The restitution of the paper, where another is put in so that it comes out."""
+
+    @property
+    def stated(self) -> float:
+        """Restitution in the paper."""
+        return self.restitution if self.nominal is None else self.nominal
+
+
+@dataclasses.dataclass(frozen=True)
+class Test:
+    """One of the paper's tests; `paired`: two equal spheres of opposite velocity and spin, else a plane."""
+
+    number: int
+    materials: dict[str, Material]
+    radius: float
+    friction: float
+    balls: tuple[Ball, ...]
+    paired: bool = False
+
+    @property
+    def names(self) -> list[str]:
+        """Materials in the order of their planes."""
+        return list(self.materials)
+
+    def bodies(self, ball: Ball) -> Bodies:
+        """The two bodies of an impact, from the paper's numbers rather than from a scene."""
+        m = self.materials[ball.material]
+        young, shear = star(m, m)
+        mass = 4 / 3 * math.pi * self.radius**3 * m.density
+        other = (mass, self.radius) if self.paired else (math.inf, math.inf)
+        factor = 1 if self.paired else 2  # a rigid plane has no compliance of its own
+        return Bodies(
+            (mass, other[0]), (self.radius, other[1]), factor * young, factor * shear, ball.restitution,
+            self.friction,
+        )  # fmt: skip
+
+    def contact_time(self, ball: Ball) -> float:
+        """Time [s] in contact, of the normal motion."""
+        return closed_forms.contact_time(self.bodies(ball), ball.normal * (2 if self.paired else 1))
+
+    @property
+    def flight(self) -> float:
+        """Time [s] of the touch."""
+        return FLIGHT * min(self.contact_time(b) for b in self.balls)
+
+    def meetings(self) -> list[Meeting]:
+        """Who meets whom, in the order of `balls`."""
+        if self.paired:
+            return [Meeting(b.what, 2 * k, 2 * k + 1) for k, b in enumerate(self.balls)]
+        return [Meeting(b.what, k, PLANES[self.names.index(b.material)]) for k, b in enumerate(self.balls)]
+
+    def axes(self, k: int) -> np.ndarray:
+        """Rows n (out of the plane, or to the first sphere), t, t x n of impact k; no two tangents alike."""
+        turn = 0.7 * k + 0.3
+        n, t = np.array([0.0, 0.0, 1.0]), np.array([math.cos(turn), math.sin(turn), 0.0])
+        if self.paired:
+            tilt = 0.4 + 0.5 * k
+            n, t = math.cos(tilt) * n + math.sin(tilt) * t, math.cos(tilt) * t - math.sin(tilt) * n
+        elif self.names.index(self.balls[k].material):
+            n = -n
+        return np.array([n, t, np.cross(t, n)])
+
+    @property
+    def _height(self) -> float:
+        """Distance [m] of the two planes."""
+        return 10 * self.radius
+
+    def _grid(self) -> tuple[int, float, float]:
+        """Impacts along a side of their square, half of that, the distance [m] of two of them.
+
+        The square stands about the origin, where positions have the most digits.
+        """
+        side = math.ceil(math.sqrt(len(self.balls)))
+        return side, (side - 1) / 2, (5 if self.paired else 3.5) * self.radius
+
+    def _spheres(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, str]]:
+        """(position, velocity, angular velocity, material) of all, `flight` before their touch."""
+        side, middle, pitch = self._grid()
+        rows: list[tuple[np.ndarray, np.ndarray, np.ndarray, str]] = []
+        for k, b in enumerate(self.balls):
+            n, t, axis = self.axes(k)
+            x, y = pitch * (k % side - middle), pitch * (k // side - middle)
+            velocity = -b.normal * n + b.tangential * t
+            name = _name(b)
+            if self.paired:
+                centre = np.array([x, y, 0.0])
+                place = self.radius * n - self.flight * velocity
+                # gross spin about +axis on one side, the same surface velocity on the other
+                rows.append((centre + place, velocity, b.spin * axis, name))
+                rows.append((centre - place, -velocity, -b.spin * axis, name))
+            else:
+                touch = np.array([x, y, self.radius if n[2] > 0 else self._height - self.radius])
+                rows.append((touch - self.flight * velocity, velocity, b.spin * axis, name))
+        return rows
+
+    def _walls(self) -> list[Plane]:
+        """A floor and a ceiling, where spheres do not meet each other."""
+        return [
+            Plane(
+                name=PLANES[k], material=f"{w}_plane", point=(0, 0, k * self._height),
+                normal=(0, 0, 1 - 2 * k),
+            )
+            for k, w in enumerate([] if self.paired else self.names)
+        ]  # fmt: skip
+
+    def _materials(self) -> tuple[dict[str, Material], list[Pair]]:
+        """Materials of spheres (one for each restitution) and of planes, and all their pairs."""
+        double = 1 if self.paired else 2
+        known = {n: m.model_copy(update={"young": double * m.young}) for n, m in self.materials.items()}
+        used = {_name(b): b for b in self.balls}
+        planes = [] if self.paired else self.names
+        pairs = [
+            Pair(materials=(a, f"{w}_plane"), restitution=b.restitution, friction=self.friction)
+            for a, b in used.items()
+            for w in planes
+        ]
+        pairs += [
+            Pair(materials=(a, c), restitution=b.restitution, friction=self.friction)
+            for k, (a, b) in enumerate(used.items())
+            for c in list(used)[k:]
+        ]
+        materials = {a: known[b.material] for a, b in used.items()}
+        return materials | {f"{w}_plane": known[w] for w in planes}, pairs
+
+    def scene(self, dt: float, contact: Contact | None = None) -> Scene:
+        """All impacts, `flight` before their touch."""
+        _, middle, pitch = self._grid()
+        position, velocity, spin, names = zip(*self._spheres(), strict=True)
+        materials, pairs = self._materials()
+        z = 5 * self.radius if self.paired else 0.0
+        return Scene(
+            name=f"chung_ooi_{self.number}",
+            title=f"Chung and Ooi, test {self.number}, step {dt:.3g} s",
+            materials=materials,
+            pairs=pairs,
+            contact=contact or Contact(),
+            particles=Explicit(
+                position=position, velocity=velocity, angular_velocity=spin, radius=self.radius,
+                material=list(names),
+            ),
+            walls=self._walls(),
+            domain=Domain(
+                lo=(-pitch * (middle + 1), -pitch * (middle + 1), -z - 0.1 * self.radius),
+                hi=(pitch * (middle + 1), pitch * (middle + 1), max(z, self._height) + 0.1 * self.radius),
+            ),
+            time=Time(
+                step=dt, duration=self.flight + AFTER * max(self.contact_time(b) for b in self.balls)
+            ),
+            output=Output(trace_every=dt),
+        )  # fmt: skip
+
+
+def _name(ball: Ball) -> str:
+    return f"{ball.material}_e{100 * ball.restitution:.0f}"
+
+
+def _material(young_gpa: float, poisson: float, density: float) -> Material:
+    return Material(young=young_gpa * 1e9, poisson=poisson, density=density)
+
+
+GLASS, LIMESTONE = _material(48, 0.20, 2800), _material(20, 0.25, 2500)
+ALLOY, MAGNESIUM = _material(70, 0.30, 2699), _material(40, 0.35, 1800)
+OXIDE, IRON = _material(380, 0.23, 4000), _material(100, 0.25, 7000)
+ALLOY_33, COPPER = _material(70, 0.33, 2700), _material(120, 0.35, 8900)
+STEEL, POLYETHYLENE = _material(208, 0.3, 7850), _material(1.0, 0.4, 1400)
+NYLON = _material(2.5, 0.4, 1000)
+
+RESTITUTIONS = (0.2, 0.4, 0.6, 0.8, 1.0)
+#: Degrees from the normal; the paper has every fifth from 5 to 85, the others are to read it between.
+ANGLES = (2.0, 3.5, 5.0, 7.5, 10.0, 12.5, *(float(a) for a in range(15, 90, 5)))
+SPEED_4 = 3.9
+#: Tangential speeds of test 5 [m/s].
+SPEEDS_5 = (
+    0.1, 0.3, 0.45, 0.6, 0.9, 1.2, 1.5, 1.8, 2.25, 2.7, 3, 3.75, 4.5, 5.25, 6, 7.5, 9, 12, 15, 18, 21,
+)  # fmt: skip
+#: Spins of tests 6 and 7 [rad/s].
+SPINS = (
+    0.175, 0.3, 0.42, 0.6, 0.8, 1, 1.2, 1.5, 2, 2.4, 2.8, 3, 3.5, 4, 6, 8, 10, 12, 14, 21, 24,
+)  # fmt: skip
+
+
+def _each(names: tuple[str, ...], make: Any, values: tuple[float, ...]) -> tuple[Ball, ...]:
+    return tuple(make(name, value) for name in names for value in values)
+
+
+def _angled(name: str, angle: float) -> Ball:
+    a = math.radians(angle)
+    return Ball(name, 0.98, SPEED_4 * math.cos(a), SPEED_4 * math.sin(a), what=f"{name}, {angle:g} deg")
+
+
+def _thrown(name: str, speed: float) -> Ball:
+    return Ball(name, 1.0, 5.0, speed, what=f"{name}, {speed:g} m/s")
+
+
+def _spun(name: str, spin: float) -> Ball:
+    return Ball(name, 0.5, 0.2, 0.0, spin, what=f"{name}, {spin:g} rad/s")
+
+
+T1 = Test(
+    1, {"glass": GLASS, "limestone": LIMESTONE}, 0.010, 0.35,
+    (Ball("glass", 1.0, 10.0, what="glass"), Ball("limestone", 1.0, 10.0, what="limestone")), paired=True,
+)  # fmt: skip
+T2 = Test(
+    2, {"al_alloy": ALLOY, "mg_alloy": MAGNESIUM}, 0.1, 0.0,
+    (Ball("al_alloy", 1.0, 0.2, what="Al alloy"), Ball("mg_alloy", 1.0, 0.2, what="Mg alloy")),
+)  # fmt: skip
+T3 = Test(
+    3, {"al_oxide": OXIDE, "cast_iron": IRON}, 0.0025, 0.0,
+    _each(("al_oxide", "cast_iron"), lambda n, e: Ball(n, e, 3.9, what=f"{n}, e = {e:g}"), RESTITUTIONS),
+)  # fmt: skip
+T4 = Test(
+    4, {"al_oxide": OXIDE, "al_alloy": ALLOY_33}, 0.0025, 0.092,
+    _each(("al_oxide", "al_alloy"), _angled, ANGLES),
+)  # fmt: skip
+T5 = Test(
+    5, {"steel": STEEL, "polyethylene": POLYETHYLENE}, 1e-5, 0.3,
+    _each(("steel", "polyethylene"), _thrown, SPEEDS_5),
+)  # fmt: skip
+T6 = Test(
+    6, {"al_alloy": ALLOY_33, "nylon": NYLON}, 0.1, 0.4, _each(("al_alloy", "nylon"), _spun, SPINS)
+)  # fmt: skip
+#: Test 6 with the restitution that makes `limit_force` give the paper's 0.5 instead of 0.55.
+T6_CORRECTED = dataclasses.replace(
+    T6,
+    balls=tuple(
+        dataclasses.replace(
+            b, nominal=b.restitution, restitution=closed_forms.restitution_to_put_in(b.restitution)
+        )
+        for b in T6.balls
+    ),
+)
+T7 = Test(
+    7, {"al_alloy": ALLOY_33, "copper": COPPER}, 0.1, 0.4,
+    _each(("al_alloy", "copper"), _spun, SPINS), paired=True,
+)  # fmt: skip

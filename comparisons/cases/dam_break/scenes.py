@@ -1,0 +1,227 @@
+"""The dam break of Park, Jun, Sohn and Lee (2014) as scenes of any grain size, and what is measured on its
+runs.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from comparisons.harness.case import Results
+from comparisons.metrics import pile
+from gpudem.output.run import Run
+from gpudem.scene import Domain, Lattice, Material, Output, Pair, Plane, Scene, Time
+
+#: Box of the experiment [m]: length, depth, height; number, radius [m] and mass [kg] of its balls.
+LENGTH, DEPTH, HEIGHT = 0.9, 0.4, 0.5
+BALLS, RADIUS, MASS = 120_000, 0.003, 0.2e-3
+#: Gate distance [m] -> height of the balls behind it as printed [m].
+GATES = {0.2: 0.301, 0.3: 0.206, 0.4: 0.155}
+#: First ball at the far wall [s] after the gate goes: experiment, and the paper's simulation.
+MEASURED_ARRIVAL, PAPER_ARRIVAL = 0.49, 0.54
+#: Largest height difference between experiment and simulation in the paper [m].
+PAPER_HEIGHT_ERROR = 0.008
+#: The mass makes the density; the printed 12 kg/m3 would make balls of 1.4 mg.
+BALL = Material(young=3.25e9, poisson=0.34, density=MASS / (4 / 3 * math.pi * RADIUS**3))
+ACRYLIC = Material(young=3.2e9, poisson=0.37, density=1185.0)
+#: Young's modulus of both materials where softened [Pa]: 650 times softer, so that steps can be 25 times
+#: longer. Balls sink in by some 1 % of their radius under the bed's weight instead of 0.02 %.
+SOFT = 5e6
+GRAVITY = 9.81
+#: Heights are read every 100 mm, and every 10 mm for the profile [m].
+READ_AT = np.arange(0.0, LENGTH + 1e-9, 0.1)
+PROFILE_AT = np.arange(0.005, LENGTH, 0.01)
+#: Time after the gate goes [s] at which the flow is measured: well spread, and before the far wall.
+IN_FLOW = 0.3
+#: Time from the start [s] over which the codes must agree: thousands of contacts, before rounding has grown.
+EARLY = 0.07
+
+
+def printed_restitution(factor: float, mass: float, radius: float, young: float, poisson: float) -> float:
+    """Restitution behind a printed damping factor: its equations 11 and 12 solved for e.
+
+    gamma = sqrt(4 m' k/(1 + beta^2)), beta = pi/ln e, k = 2/3 E/(1 - nu^2) sqrt(R_eff): the formula of a
+    linear spring with a Hertz coefficient, whose units do not fit; it is used here only to undo what the
+    authors did.
+    """
+    k = 2 / 3 * young / (1 - poisson**2) * math.sqrt(radius)
+    return math.exp(-math.pi / math.sqrt(4 * mass * k / factor**2 - 1))
+
+
+#: Ball on ball, 0.90: printed factor 6.4817; m' and R_eff of two balls, and the E = 3.2 GPa that the factor
+#: fits.
+BALL_RESTITUTION = round(printed_restitution(6.4817, MASS / 2, RADIUS / 2, 3.2e9, 0.34), 2)
+#: Ball on acrylic: printed factor 1.7586, read with the m' and R_eff of two balls; a reading, not a
+#: certainty.
+WALL_RESTITUTION = round(printed_restitution(1.7586, MASS / 2, RADIUS / 2, 3.2e9, 0.37), 2)
+#: Friction is not printed. Tables give 0.3 (on steel) to 0.5 (on itself) for dry polystyrene, 0.4 to 0.5
+#: for acrylic on steel, for flat pieces; smooth balls lie at the lower end. The wall has WALL_FRICTION
+#: times the ball's.
+BALL_FRICTION, WALL_FRICTION = 0.3, 0.8
+
+
+@dataclasses.dataclass(frozen=True)
+class Dam:
+    """One dam break: the experiment scaled to a grain size, as a slice periodic in depth or whole."""
+
+    gate: float = 0.2
+    radius: float = RADIUS
+    friction: float = BALL_FRICTION
+    seed: int = 1
+    opens: float = 0.5
+    """Time at which the gate goes [s]; until then the loose lattice falls and settles."""
+    flows: float = 1.0
+    """Time simulated after that [s]; the pile is at rest after 0.9 s."""
+    slice: bool = True
+    """Three diameters and a little deep, periodic; else the whole box with its walls."""
+    young: float | None = SOFT
+    """Young's modulus [Pa] of both materials; None: their own."""
+
+    @property
+    def depth(self) -> float:
+        """Depth of the scene [m]."""
+        return 3 * 2 * self.radius * 1.06 if self.slice else DEPTH
+
+    @property
+    def count(self) -> int:
+        """Number of balls: the experiment's volume of balls per depth."""
+        return round(BALLS * self.depth / DEPTH * (RADIUS / self.radius) ** 3)
+
+    @property
+    def step(self) -> float:
+        """Time step [s]: 8 % of the Rayleigh time."""
+        return 2.5e-5 * self.radius / RADIUS * math.sqrt(SOFT / self.young) if self.young else 1e-6
+
+    def scene(self) -> Scene:
+        """The whole statement."""
+        ball, wall = BALL, ACRYLIC
+        if self.young:
+            ball, wall = (m.model_copy(update={"young": self.young}) for m in (BALL, ACRYLIC))
+        margin, mu = 2 * self.radius, self.friction
+        planes = [
+            Plane(name="floor", material="acrylic", point=(0, 0, 0), normal=(0, 0, 1)),
+            Plane(name="near", material="acrylic", point=(0, 0, 0), normal=(1, 0, 0)),
+            Plane(name="far", material="acrylic", point=(LENGTH, 0, 0), normal=(-1, 0, 0)),
+            Plane(
+                name="gate", material="acrylic", point=(self.gate, 0, 0), normal=(-1, 0, 0),
+                removed_at=self.opens,
+            ),
+        ]  # fmt: skip
+        sides = (0.0, self.depth)
+        if not self.slice:
+            sides = (-margin, self.depth + margin)
+            planes.append(Plane(name="front", material="acrylic", point=(0, 0, 0), normal=(0, 1, 0)))
+            planes.append(Plane(name="back", material="acrylic", point=(0, DEPTH, 0), normal=(0, -1, 0)))
+        return Scene(
+            name="dam_break",
+            title=f"gate at {1e3 * self.gate:g} mm, {self.count} balls of {1e3 * self.radius:g} mm,"
+            f" friction {mu:g}, seed {self.seed}",
+            materials={"polystyrene": ball, "acrylic": wall},
+            pairs=[
+                Pair(materials=("polystyrene", "polystyrene"), restitution=BALL_RESTITUTION, friction=mu),
+                Pair(
+                    materials=("polystyrene", "acrylic"), restitution=WALL_RESTITUTION,
+                    friction=WALL_FRICTION * mu,
+                ),
+            ],
+            particles=Lattice(
+                source="lattice", material="polystyrene", count=self.count, radius=self.radius,
+                lo=(0, 0, 0), hi=(self.gate, self.depth, 1.2 * HEIGHT), seed=self.seed,
+            ),
+            gravity=(0, 0, -GRAVITY),
+            walls=planes,
+            domain=Domain(
+                lo=(-margin, sides[0], -margin), hi=(LENGTH + margin, sides[1], 2 * HEIGHT),
+                periodic=(False, self.slice, False),
+            ),
+            time=Time(step=self.step, duration=self.opens + self.flows),
+            output=Output(frames_every=0.1, history_every=0.002),
+        )  # fmt: skip
+
+
+def opening(run: Run) -> float:
+    """Time [s] at which the gate goes."""
+    return next(p.removed_at for p in run.scene.planes if p.removed_at is not None)
+
+
+def _period(run: Run) -> float | None:
+    domain = run.scene.domain
+    return domain.hi[1] - domain.lo[1] if domain.periodic[1] else None
+
+
+def _depth(run: Run) -> tuple[float, float]:
+    domain = run.scene.domain
+    return (domain.lo[1], domain.hi[1]) if domain.periodic[1] else (0.0, DEPTH)
+
+
+def heights(results: Results, label: str, code: str, at: np.ndarray, time: float | None = None) -> np.ndarray:
+    """Heights [m] at places along x, at the end or at a time [s] after the gate goes."""
+    run = results[label, code]
+
+    def compute() -> np.ndarray:
+        frame = run.frames[-1] if time is None else run.frames.at(opening(run) + time)
+        return pile.height(frame["position"], frame["radius"], at, _depth(run), _period(run))
+
+    return results.once(("heights", label, code, len(at), time), compute)
+
+
+def arrival(run: Run) -> float:
+    """Time [s] after the gate goes at which the first ball touches the far wall, from the dense history."""
+    reached = pile.arrival(
+        run.history["time"].to_numpy(),
+        run.history["front_x"].to_numpy(),
+        LENGTH - run.scene.state.radius.max(),
+    )
+    return reached - opening(run)
+
+
+def measures(results: Results, label: str, code: str) -> dict[str, float]:
+    """Every metric of one run, by name with its unit; heights at rest, the rest in flow or over time."""
+    run = results[label, code]
+
+    def compute() -> dict[str, float]:
+        out = {
+            f"height at {1e3 * x:.0f} mm [mm]": 1e3 * h
+            for x, h in zip(READ_AT, heights(results, label, code, READ_AT), strict=True)
+        }
+        flow, rest = run.frames.at(opening(run) + IN_FLOW), run.frames[-1]
+        connected, _ = pile.run_out(flow["position"], flow["radius"], _period(run))
+        table = run.history[run.history["time"] >= opening(run)]
+        moving = table["kinetic_energy"] + table["rotational_energy"]
+        out["run-out in flow [mm]"] = 1e3 * connected
+        out["centre of mass x in flow [mm]"] = 1e3 * pile.centre_of_mass(flow["position"], flow["radius"])[0]
+        out["centre of mass x at rest [mm]"] = 1e3 * pile.centre_of_mass(rest["position"], rest["radius"])[0]
+        out["centre of mass z at rest [mm]"] = 1e3 * pile.centre_of_mass(rest["position"], rest["radius"])[2]
+        out["time to the far wall [ms]"] = 1e3 * arrival(run)
+        out["largest kinetic energy [mJ]"] = 1e3 * float(np.max(moving))
+        return out
+
+    return results.once(("measures", label, code), compute)
+
+
+def unrest(run: Run) -> float:
+    """Kinetic energy, spins with it, in the last row before the gate goes, by the fall of the flow."""
+    table, gone = run.history, opening(run)
+    kinetic = np.asarray(table["kinetic_energy"] + table["rotational_energy"])
+    potential = np.asarray(table["potential_energy"])
+    before = np.asarray(table["time"]) < gone
+    return float(kinetic[before][-1] / (potential[before][-1] - potential[~before].min()))
+
+
+def bed(run: Run) -> dict[str, float]:
+    """The column just before the gate goes: mean height [m], solid fraction and contacts per ball inside
+    it.
+    """
+    frame, gate = run.frames.at(opening(run)), next(p.point[0] for p in run.scene.planes if p.name == "gate")
+    position, radius, size = frame["position"], frame["radius"], 2 * float(frame["radius"].max())
+    places = np.linspace(2 * size, gate - 2 * size, 5)
+    top = float(pile.height(position, radius, places, _depth(run), _period(run)).mean())
+    (front, back), inset = _depth(run), 0.0 if _period(run) else 2 * size
+    lo, hi = (2 * size, front + inset, 2 * size), (gate - 2 * size, back - inset, top - 2 * size)
+    return {
+        "height": top,
+        "solid fraction": pile.packing_fraction(position, radius, lo, hi),
+        "contacts": pile.coordination(position, radius, _period(run)),
+    }

@@ -1,0 +1,109 @@
+"""Gases in a cube: how the cases of cooling and elastic gases state them, and what they measure."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from comparisons.cases.single_contact.checks import CODES
+from comparisons.harness.case import Check, Measured, Results
+from comparisons.metrics.trace import largest_difference
+from comparisons.oracles import linear
+from gpudem.output.run import Run
+from gpudem.scene import Domain, Lattice, Scene
+
+RADIUS, DENSITY, POISSON = 1e-3, 2500.0, 0.3
+MASS = DENSITY * 4 / 3 * math.pi * RADIUS**3
+#: Both codes from one start, step by step, before chaos has grown from rounding.
+EARLY = "early"
+
+
+def box_length(count: int, phi: float) -> float:
+    """Edge [m] of the cube that `count` spheres fill to the volume share phi."""
+    return (count * math.pi / 6 * (2 * RADIUS) ** 3 / phi) ** (1 / 3)
+
+
+def stiffness(contact_time: float) -> float:
+    """K [N/m] of a linear spring between two spheres: pi sqrt(m*/k) = contact time, m* = m/2."""
+    return MASS / 2 * (math.pi / contact_time) ** 2
+
+
+def spring_young(contact_time: float, speed: float) -> float:
+    """Young's modulus [Pa] that makes `hooke` at this characteristic velocity a spring of that stiffness."""
+    star = linear.young_star(stiffness(contact_time), RADIUS / 2, MASS / 2, speed)
+    return 2 * (1 - POISSON**2) * star
+
+
+def gas_box(name: str, count: int, phi: float, seed: int, **sections: Any) -> Scene:
+    """`count` spheres of one kind on a jittered lattice, velocities normal with T = 1 m2/s2 a component.
+
+    The cube is periodic unless `sections` give walls.
+    """
+    edge = box_length(count, phi)
+    cells, open_ = math.ceil(count ** (1 / 3) - 1e-9), "walls" not in sections
+    return Scene(
+        name=name,
+        particles=Lattice(
+            source="lattice", material="ball", count=count, radius=RADIUS, lo=(0, 0, 0),
+            hi=(edge, edge, edge),
+            spacing=edge / cells / (2 * RADIUS) * (1 - 1e-9), velocity_rms=1.0, seed=seed,
+        ),
+        domain=Domain(lo=(0, 0, 0), hi=(edge, edge, edge), periodic=(open_, open_, open_)),
+        **sections,
+    )  # fmt: skip
+
+
+def temperature(run: Run) -> np.ndarray:
+    """T [m2/s2] in time, from the kinetic energy of the history."""
+    return 2 * run.history["kinetic_energy"].to_numpy() / (3 * MASS * len(run.scene.state))
+
+
+def growth(run: Run, column: str, since: float) -> float:
+    """Growth of a column of the history per second, from a time [s] on."""
+    time, values = run.history["time"].to_numpy(), run.history[column].to_numpy()
+    k = int(np.searchsorted(time, since - 1e-12))
+    return float((values[-1] - values[k]) / (time[-1] - time[k]))
+
+
+def overlaps(position: np.ndarray, edge: float) -> np.ndarray:
+    """Overlaps [m] of all pairs that touch in a periodic cube."""
+    from scipy.spatial import KDTree
+
+    place = position % edge
+    place[place >= edge] = 0.0
+    i, j = KDTree(place, boxsize=edge).query_pairs(2 * RADIUS, output_type="ndarray").T
+    apart = place[i] - place[j]
+    apart -= edge * np.round(apart / edge)
+    return 2 * RADIUS - np.linalg.norm(apart, axis=1)
+
+
+def early_checks() -> tuple[Check, ...]:
+    """Positions (by diameter, over the box edge's wrap) and velocities of both codes over the first steps."""
+
+    def value(results: Results, column: str) -> Measured:
+        ours, theirs = (results[EARLY, code] for code in CODES)
+        a, b = ours.trace[column], theirs.trace[column]
+        weight = MASS * np.array(ours.scene.gravity)
+        pushed = np.linalg.norm(ours.trace["force"] - weight, axis=2) > 1e-9 * np.linalg.norm(weight)
+        touched = int(pushed.any(axis=0).sum())
+        if touched < 20:
+            return Measured(float("nan"), note=f"only {touched} spheres touched another")
+        if column == "position":
+            edge = ours.scene.domain.hi[0]
+            b = b + edge * np.round((a - b) / edge)
+        scale = 2 * RADIUS if column == "position" else 1.0
+        return Measured(largest_difference(a, b, scale), note=f"{touched} spheres touched another")
+
+    return tuple(
+        Check(
+            name=f"{name}, largest difference over the first milliseconds",
+            measure=lambda results, column=column: value(results, column),
+            tolerance=1e-9, unit="1", against="LIGGGHTS", mark="X", needs=CODES,
+            reason="same law, same scheme: rounding, times the few collisions so far, each of which"
+            " multiplies it by (free path / radius)",
+            catches="a pair missed by a neighbour list, a wrong image across a periodic side",
+        )
+        for name, column in (("position / diameter", "position"), ("velocity / rms velocity", "velocity"))
+    )  # fmt: skip

@@ -1,0 +1,107 @@
+"""What LIGGGHTS 3.8.0 does that its user may not expect: each behaviour with deck and size.
+
+Standard tier: five flows of 5000 balls x 8000 steps, some 10 s each; the rest takes seconds.
+"""
+
+from __future__ import annotations
+
+from comparisons.cases.liggghts_findings import figures as findings_figures
+from comparisons.cases.liggghts_findings import scenes as findings
+from comparisons.cases.liggghts_findings.checks import BENCH, BOTH, CHECKS
+from comparisons.cases.single_contact import head_on
+from comparisons.cases.single_contact.meetings import ladder
+from comparisons.harness.case import Case, Figure, Table, Tier, Variant
+from gpudem.scene import Scene
+
+
+def _deviating(label: str, scene: Scene, deviation: str) -> Variant:
+    return Variant(label, scene, ("liggghts",), {"liggghts": {"deviation": deviation}})
+
+
+def _path(label: str, scene: Scene) -> Variant:
+    return Variant(label, scene, ("gpudem",), {"gpudem": {"integrator": "path"}})
+
+
+def variants(tier: Tier) -> list[Variant]:
+    steps = {label: head_on.scene(dt) for label, dt in ladder(tier, head_on.FLIGHT).items()}
+    out = [
+        Variant("hop", findings.hop()),
+        _deviating("hop_default_factor", findings.hop(), "default_contact_distance_factor"),
+        *(Variant(law, findings.slide(law)) for law in findings.LAWS),
+        Variant("smooth_floor", findings.smooth_floor(dashpot=False)),
+        Variant("smooth_floor_dashpot", findings.smooth_floor(dashpot=True), ("gpudem",)),
+        *(Variant(label, scene) for label, scene in steps.items()),
+        *(_path(f"path_{label}", scene) for label, scene in steps.items()),
+        Variant("collide", findings.collide()),
+        Variant("collide_quiet", findings.collide(every=800), ("gpudem",)),
+        _deviating("collide_two_runs", findings.collide(), "two_runs"),
+        _deviating("leave", findings.leave(), "unguarded"),
+        _deviating("coincide", findings.coincide(), "unguarded"),
+        _deviating("burst", findings.burst(), "unguarded"),
+        Variant("still", findings.still()),
+        _deviating("still_raw", findings.still(), "raw_frames"),
+    ]
+    if tier == "quick":
+        return out
+    return [
+        *out,
+        Variant("flow", findings.flow()),
+        _deviating("flow_default_factor", findings.flow(), "default_contact_distance_factor"),
+        _path("flow_path", findings.flow()),
+        Variant("flow_coulomb", findings.flow("coulomb"), ("gpudem",)),
+    ]
+
+
+CASE = Case(
+    name="liggghts_findings",
+    title="What was found out about LIGGGHTS",
+    purpose=(
+        "A reference code has behaviours of its own, and who compares with it, or calibrates by it, should"
+        " know them and their size. Each is reproduced here by a deck that can be read below, next to the"
+        " line of our decks, the option or the law of gpudem that is free of it. gpudem follows LIGGGHTS'"
+        " law where that is what is compared (friction, half-step damping), and offers the other by an"
+        " option. None of this makes LIGGGHTS unfit: each sets a flow on another course, as any rounding"
+        " does, only earlier; whether means shift is what the dam break's seeds are for."
+    ),
+    source="LIGGGHTS 3.8.0 as Debian has it, run here; its manual.",
+    variants=variants,
+    checks=CHECKS,
+    figures=(
+        Figure(
+            "A ball hops on a ball",
+            "The first impact is the same; from the second on, the default deck goes on with the spring that"
+            " the first left behind.",
+            findings_figures.hop, needs=("liggghts",),
+        ),
+        Figure(
+            "Friction above Coulomb's line",
+            "Impacts that slide throughout. Lines: gpudem, rings: LIGGGHTS, the same option for option. The"
+            " restitution that counts is the one that comes out. With both options friction takes up to 1.5 %"
+            " less, since the first touch sticks.",
+            findings_figures.sliding, needs=BOTH,
+        ),
+        Figure(
+            "Damping at half steps",
+            "Head-on pairs, e = 0.3 to 0.9, largest error against the exact solution.",
+            findings_figures.half_step, needs=BOTH,
+        ),
+        Figure(
+            "In a flow",
+            "5000 balls after the gate has gone, each behaviour against the same flow without it."
+            " Rounding shows how chaos alone grows: by 0.15 s all differ by a per cent, as any runs do.",
+            findings_figures.flow, tiers=BENCH, needs=BOTH,
+        ),
+    ),
+    tables=(
+        Table(
+            "What was found out about LIGGGHTS",
+            "Plain facts: size in one contact and in a flow of 5000 balls, and what is free of each.",
+            findings_figures.summary, needs=BOTH, section="limits",
+        ),
+    ),
+    features=(
+        "tangential history", "tangential damping", "damping", "limit_force", "integrator path",
+        "lost particles and NaN", "frames",
+    ),
+    order=70,
+)  # fmt: skip

@@ -1,0 +1,217 @@
+"""Scenes that go on for long or reach far: a bed at rest, a column of 1000 balls, a gas of millions of
+collisions.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from comparisons.cases.gas import scenes as gases
+from comparisons.harness.case import Tier
+from comparisons.oracles import gas
+from comparisons.oracles.bodies import bodies
+from comparisons.oracles.chain import Chain
+from gpudem.output.run import Run
+from gpudem.scene import Box, Contact, Domain, Explicit, Lattice, Material, Output, Pair, Plane, Scene, Time
+
+RADIUS, GRAVITY = 0.003, 9.81
+SOFT = Material(young=5e6, poisson=0.34, density=1768.0)
+STIFF = SOFT.model_copy(update={"young": 5e8})
+
+
+@dataclasses.dataclass(frozen=True)
+class Size:
+    """How long a tier goes on."""
+
+    bed: float
+    """Time of the beds [s]."""
+    collisions: float
+    """Collisions of the gas."""
+    count: int
+    """Balls in a column."""
+
+
+SIZES: dict[Tier, Size] = {
+    "quick": Size(2.0, 2e4, 100), "standard": Size(3.0, 1.5e5, 400), "full": Size(60.0, 1e7, 1000),
+}  # fmt: skip
+
+# -- a bed at rest -------------------------------------------------------------------------------------------
+
+BALLS, SIDE, BED_STEP = 200, 0.03, 2.5e-5
+#: Rows of a bed's history and trace.
+ROWS, PLACES = 300, 20
+#: Friction of the two beds.
+BEDS = {"smooth": 0.0, "rough": 0.3}
+
+
+def bed(friction: float, duration: float) -> Scene:
+    """BALLS fall into a box ten radii wide and come to rest; restitution 0.5 to be there soon."""
+    return Scene(
+        name="bed", materials={"ball": SOFT},
+        pairs=[Pair(materials=("ball", "ball"), restitution=0.5, friction=friction)],
+        contact=Contact(tangential="history" if friction else "off"),
+        particles=Lattice(
+            source="lattice", material="ball", count=BALLS, radius=RADIUS, lo=(0, 0, 0),
+            hi=(SIDE, SIDE, 0.5), seed=1,
+        ),
+        walls=[
+            Box(
+                kind="box", name="box", material="ball", sides=("xlo", "xhi", "ylo", "yhi", "zlo"),
+                lo=(0, 0, 0), hi=(SIDE, SIDE, 0.5),
+            )
+        ],
+        gravity=(0, 0, -GRAVITY),
+        domain=Domain(lo=(-RADIUS, -RADIUS, -RADIUS), hi=(SIDE + RADIUS, SIDE + RADIUS, 0.5)),
+        time=Time(step=BED_STEP, duration=duration),
+        output=Output(history_every=duration / ROWS, trace_every=duration / PLACES),
+    )  # fmt: skip
+
+
+#: The whole bed's weight by a diameter [J].
+SCALE = BALLS * SOFT.density * 4 / 3 * math.pi * RADIUS**3 * GRAVITY * 2 * RADIUS
+
+
+def kinetic(run: Run) -> tuple[np.ndarray, np.ndarray]:
+    """(time [s], kinetic + rotational energy by that of the whole bed's weight falling a diameter [1])."""
+    table = run.history
+    energy = (table["kinetic_energy"] + table["rotational_energy"]).to_numpy()
+    return table["time"].to_numpy(), energy / SCALE
+
+
+def fall(run: Run) -> float:
+    """How far the bed's centre sank / diameter, by its potential energy."""
+    potential = run.history["potential_energy"].to_numpy()
+    return float(potential[0] - potential[-1]) / SCALE
+
+
+def creep(run: Run) -> float:
+    """Largest way of any ball over the last half of the run / its radius."""
+    x = run.trace["position"]
+    half = x[len(x) // 2 :]
+    return float(np.linalg.norm(half - half[-1], axis=2).max() / RADIUS)
+
+
+# -- a tall column -------------------------------------------------------------------------------------------
+
+#: The step is 7 % of the Rayleigh time; a wave runs down the column and back half way.
+COLUMN_STEP, COLUMN_TIME, PUSH = 2e-6, 8e-5, 1e-3
+
+
+def column(count: int) -> Scene:
+    """Two elastic columns at their closed form's rest; the topmost ball of the second is pushed down."""
+    stated = _columns([(0.0, 0.0, RADIUS)], [(0.0, 0.0, 0.0)], 1e-5)
+    chain = chain_of(stated, count)
+    position, velocity = np.zeros((2, count, 3)), np.zeros((2, count, 3))
+    position[:, :, 2] = chain.height
+    position[1, :, 0] = 4 * RADIUS
+    velocity[1, -1, 2] = -PUSH
+    return _columns(position.reshape(-1, 3), velocity.reshape(-1, 3), COLUMN_TIME * count)
+
+
+def _columns(position, velocity, duration: float) -> Scene:
+    top = float(np.max(np.array(position)[:, 2])) + 4 * RADIUS
+    return Scene(
+        name="column", materials={"ball": STIFF}, pairs=[Pair(materials=("ball", "ball"))],
+        particles=Explicit(position=position, velocity=velocity, radius=RADIUS, material="ball"),
+        walls=[Plane(name="floor", material="ball", point=(0, 0, 0), normal=(0, 0, 1))],
+        gravity=(0, 0, -GRAVITY),
+        domain=Domain(lo=(-4 * RADIUS, -4 * RADIUS, -RADIUS), hi=(8 * RADIUS, 4 * RADIUS, top)),
+        time=Time(step=COLUMN_STEP, duration=duration), output=Output(trace_every=duration),
+    )  # fmt: skip
+
+
+def chain_of(scene: Scene, count: int | None = None) -> Chain:
+    """The closed form of a column."""
+    n = len(scene.state) // 2 if count is None else count
+    floor = bodies(scene, 0, "floor")
+    pair = dataclasses.replace(
+        floor, mass=(floor.mass[0],) * 2, radius=(floor.radius[0],) * 2
+    )  # the floor is of the balls' material
+    return Chain(n, floor, pair, GRAVITY)
+
+
+def column_errors(run: Run) -> tuple[float, float]:
+    """(Largest way in the column at rest, error of the wave's in the other) / largest of the wave, at the
+    end.
+    """
+    chain, n = chain_of(run.scene), len(run.scene.state) // 2
+    start = run.scene.state
+    want = chain.motion(start.velocity[n:, 2], run.scene.n_steps * run.scene.time.step)[0]
+    way, scale = run.trace["position"][-1] - start.position, float(np.abs(want).max())
+    return float(np.abs(way[:n]).max() / scale), float(np.abs(way[n:, 2] - want).max() / scale)
+
+
+#: Constant of Hertz' contact time.
+HERTZ_TIME = 2.868266
+
+# -- a gas ---------------------------------------------------------------------------------------------------
+
+COUNT, SHARE, STEPS, GAS_ROWS = 1000, 0.3, 25, 200
+#: Contact time [s], a third of the mean free time; it takes a seventh of the collisions away, and the room
+#: for fewer is generous.
+CONTACT, MORE = 8e-5, 1.25
+STIFFNESS = gases.stiffness(CONTACT)
+
+
+def gas_of(collisions: float) -> Scene:
+    """A frictionless elastic gas with linear springs, as long as so many collisions take by Enskog's rate."""
+    density = 6 * SHARE / (math.pi * (2 * gases.RADIUS) ** 3)
+    rate = gas.collision_rate(2 * gases.RADIUS, density, 1.0, gas.contact_value(SHARE))
+    step = CONTACT / STEPS
+    rows = max(1, round(MORE * 2 * collisions / (COUNT * rate) / step / GAS_ROWS))
+    return gases.gas_box(
+        "gas", COUNT, SHARE, 1,
+        materials={"ball": Material(
+            young=gases.spring_young(CONTACT, 1.0), poisson=gases.POISSON, density=gases.DENSITY
+        )},
+        pairs=[Pair(materials=("ball", "ball"))],
+        contact=Contact(normal="hooke", characteristic_velocity=1.0, tangential="off"),
+        time=Time(step=step, duration=rows * GAS_ROWS * step),
+        output=Output(trace_every=rows * step, history_every=rows * step),
+        allow=("time_step",),
+    )  # fmt: skip
+
+
+#: Contact time [s] at twice the rms speed, and steps in it, of the gas whose energy is to stay.
+SHORT, FINE, FINE_STEPS = 5e-6, 200, 100_000
+
+
+def fine_gas() -> Scene:
+    """125 elastic Hertz spheres for FINE_STEPS steps, some 350 collisions."""
+    reach, speed = gases.RADIUS / 2, 2.0
+    star = math.sqrt((HERTZ_TIME / SHORT) ** 5 * (gases.MASS / 2) ** 2 / (reach * speed))
+    step = SHORT / FINE
+    return gases.gas_box(
+        "fine_gas", 125, 0.2, 1,
+        materials={"ball": Material(
+            young=2 * (1 - gases.POISSON**2) * star, poisson=gases.POISSON, density=gases.DENSITY
+        )},
+        pairs=[Pair(materials=("ball", "ball"))], contact=Contact(tangential="off"),
+        time=Time(step=step, duration=FINE_STEPS * step), output=Output(history_every=100 * step),
+    )  # fmt: skip
+
+
+def fine_energy(run: Run) -> np.ndarray:
+    """Kinetic energy / that at the start - 1, at the rows at which nobody touches: there it is all energy."""
+    energy = run.history["kinetic_energy"].to_numpy()
+    apart = run.history["contacts"].to_numpy() == 0
+    return energy[apart] / energy[0] - 1
+
+
+def collisions(run: Run) -> float:
+    """Collisions of the run: contacts at a time / contact time * time."""
+    contacts = run.history["contacts"].to_numpy()
+    return float(contacts[len(contacts) // 10 :].mean() / CONTACT * run.history["time"].to_numpy()[-1])
+
+
+def gas_energy(run: Run) -> tuple[np.ndarray, np.ndarray]:
+    """(time [s], energy / that at the start - 1): kinetic, and k overlap^2/2 of every contact."""
+    edge = run.scene.domain.hi[0]
+    overlaps = [gases.overlaps(x, edge) for x in run.trace["position"]]
+    stored = [float((STIFFNESS * d**2 / 2).sum()) for d in overlaps]
+    kinetic = gases.MASS / 2 * (run.trace["velocity"] ** 2).sum(axis=(1, 2))
+    energy = kinetic + np.array(stored)
+    return run.trace["time"], energy / energy[0] - 1

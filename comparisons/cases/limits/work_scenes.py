@@ -1,0 +1,147 @@
+"""Error against run time on many contacts at once: the scenes, a run's error, the time that an error costs.
+
+Pairs of equal spheres meet under the same angle but at other moments within a step; each pair's motion is
+that of the oracle's one pair, shifted in time. Stepping time is arithmetic where thousands of contacts share
+a run.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+
+import numpy as np
+
+from comparisons.harness.case import Results
+from comparisons.oracles import closed_forms
+from comparisons.oracles.bodies import bodies
+from comparisons.oracles.impact import Impact, impact
+from gpudem.output.run import Run
+from gpudem.scene import Scene
+
+RADIUS, SPEED, SLIDE = 0.003, 1.0, 0.6
+#: Restitution of the groups; every pair belongs to one.
+GROUPS = (0.3, 0.5, 0.9, 1.0)
+BALL = {"young": 5e6, "poisson": 0.34, "density": 1768.0}
+#: Snapshots in a contact at which runs are held against the oracle; every ladder step divides this interval.
+SNAPSHOTS = 10
+#: Length of a run in elastic contact times: the longest damped contact (e = 0.3) takes 1.2 of them.
+LENGTH = 1.5
+
+
+@dataclasses.dataclass(frozen=True)
+class Kind:
+    """A family of contacts: what is asked of the law."""
+
+    title: str
+    slide: float
+    friction: float
+    contact: dict[str, object]
+
+
+KINDS = {
+    "normal": Kind("head-on, damped", 0.0, 0.0, {}),
+    "oblique": Kind(
+        "oblique with friction, Coulomb kept (limit_force on, tangential_damping off)",
+        SLIDE, 0.1, {"limit_force": True, "tangential_damping": False},
+    ),
+    "oblique_default": Kind("oblique with friction, LIGGGHTS' default law", SLIDE, 0.1, {}),
+}  # fmt: skip
+
+
+def contact_time(scene: Scene) -> float:
+    """Elastic Hertz contact time [s] of the pairs."""
+    return closed_forms.elastic_contact_time(bodies(scene, 0, 1), SPEED)
+
+
+def scene(kind: str, steps: int, pairs: int, seed: int = 1) -> Scene:
+    """`pairs` pairs in each group, `steps` time steps in an elastic contact."""
+    what = KINDS[kind]
+    names = [f"ball_{k}" for k in range(len(GROUPS))]
+    table = [
+        {"materials": (a, b), "restitution": GROUPS[max(i, i + k)], "friction": what.friction}
+        for i, a in enumerate(names) for k, b in enumerate(names[i:])
+    ]  # fmt: skip
+    count = pairs * len(GROUPS)
+    side = math.ceil(count ** (1 / 3))
+    cell = 8 * RADIUS
+    index = np.arange(count)
+    centre = cell * (0.5 + np.stack([index % side, index // side % side, index // side**2], axis=1))
+    approach, period = np.array([0.5 * SPEED, 0.5 * what.slide, 0.0]), _period()
+    # after the first step of the coarsest rung: its set-up half step is another scheme's
+    flight = np.random.default_rng(seed).uniform(1.02, 1.98, count)[:, None] * period / SNAPSHOTS
+    touch = np.array([RADIUS, 0.0, 0.0])
+    position = np.stack([centre - touch - flight * approach, centre + touch + flight * approach], axis=1)
+    velocity = np.broadcast_to(np.stack([approach, -approach]), (count, 2, 3))
+    return Scene(
+        name=f"{kind}_{steps}",
+        materials=dict.fromkeys(names, BALL),
+        pairs=table,
+        contact=what.contact,
+        particles={
+            "source": "explicit", "radius": RADIUS,
+            "material": [names[i % len(GROUPS)] for i in index for _ in "ij"],
+            "position": position.reshape(-1, 3), "velocity": velocity.reshape(-1, 3),
+        },
+        domain={"lo": (0, 0, 0), "hi": (cell * side,) * 3},
+        time={"step": period / steps, "duration": LENGTH * period},
+        output={"trace_every": period / SNAPSHOTS},
+        allow=["time_step"],
+    )  # fmt: skip
+
+
+@functools.cache
+def _period() -> float:
+    lone = Scene(
+        name="lone", materials={"ball": BALL}, pairs=[{"materials": ("ball", "ball")}],
+        particles={"source": "explicit", "radius": RADIUS, "material": "ball",
+                   "position": [[0, 0, 0], [3 * RADIUS, 0, 0]]},
+        domain={"lo": (-1, -1, -1), "hi": (1, 1, 1)}, time={"step": 1e-9, "duration": 1e-8},
+    )  # fmt: skip
+    return contact_time(lone)
+
+
+def truths(results: Results, stated: Scene, kind: str) -> list[Impact]:
+    """The exact impact of the first pair of each group."""
+    return results.once(
+        ("truth", kind), lambda: [impact(stated, 2 * g, 2 * g + 1) for g in range(len(GROUPS))]
+    )
+
+
+def errors(results: Results, run: Run, kind: str) -> np.ndarray:
+    """Largest error of the distance vector over the run's snapshots / peak overlap, for each group.
+
+    The worst pair of each group; shape (groups,).
+    """
+    trace, stated = run.trace, run.scene
+    assert trace is not None
+    apart = trace["position"][:, ::2] - trace["position"][:, 1::2]
+    start = stated.state.position[::2] - stated.state.position[1::2]
+    approach = stated.state.velocity[0, 0] - stated.state.velocity[1, 0]
+    flight = (-start[:, 0] - 2 * RADIUS) / approach
+    worst = np.empty(len(GROUPS))
+    for g, truth in enumerate(truths(results, stated, kind)):
+        rows = np.arange(g, apart.shape[1], len(GROUPS))
+        since = trace["time"][:, None] - flight[rows]
+        at = truth.at(truth.touch + since.ravel())["position"]
+        exact = (at[:, 0] - at[:, 1]).reshape(*since.shape, 3)
+        difference = np.linalg.norm(apart[:, rows] - exact, axis=2)
+        worst[g] = difference.max() / truth.contact.peak_overlap
+    return worst
+
+
+def cost_of(target: float, error: np.ndarray, cost: np.ndarray) -> float:
+    """Cost (time or steps) at which the error falls to `target`, between rungs by straight lines in log-log.
+
+    Rungs in order of rising cost. NaN where the ladder never reaches it; the first rung's cost (a bound from
+    above) where it is already below.
+    """
+    above = np.flatnonzero(error > target)
+    if not len(above):
+        return float(cost[0])
+    k = int(above[-1])
+    if k + 1 == len(error):
+        return math.nan
+    share = math.log(error[k] / target) / math.log(error[k] / error[k + 1])
+    return float(cost[k] * (cost[k + 1] / cost[k]) ** share)

@@ -1,0 +1,84 @@
+"""Many impacts in one scene, far apart: how the few-particle cases are stated and read, the same for all of
+them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from comparisons.harness.case import Results, Tier
+from comparisons.metrics import trace as measure
+from comparisons.oracles.impact import Impact, impact
+from gpudem.output.run import Run
+from gpudem.scene import Scene
+
+
+@dataclasses.dataclass(frozen=True)
+class Meeting:
+    """Particle row `row` meets row `other`, or the plane of that name."""
+
+    label: str
+    row: int
+    other: int | str
+
+    @property
+    def rows(self) -> list[int]:
+        """Rows of the particles in it."""
+        return [self.row] if isinstance(self.other, str) else [self.row, self.other]
+
+
+#: Steps before the touch, and a half: it falls in the middle of a step at every rung, so that the share of
+#: the first step spent in contact, an error of first order by itself, is the same at all of them.
+RUNGS = {"quick": (121, 40, 13, 4), "standard": (364, 121, 40, 13, 4), "full": (364, 121, 40, 13, 4)}
+
+
+def ladder(tier: Tier, flight: float) -> dict[str, float]:
+    """Label -> time step [s] of each rung, finest first, for impacts that all begin at `flight` [s]."""
+    return {f"dt_{flight / (m + 0.5):.3g}": flight / (m + 0.5) for m in RUNGS[tier]}
+
+
+def exact(results: Results, scene: Scene, meeting: Meeting) -> Impact:
+    """The oracle's solution, computed once per physics: the time step does not enter it."""
+    physics = scene.replace(time={"step": 1.0, "duration": 1.0}, output={}, allow=["time_step"]).hash
+    return results.once(("impact", meeting, physics), lambda: impact(scene, meeting.row, meeting.other))
+
+
+def overlap(run: Run, meeting: Meeting) -> np.ndarray:
+    """Overlap [m] of a meeting at every step of the trace."""
+    position, radius = run.trace["position"], run.scene.state.radius
+    if isinstance(meeting.other, str):
+        plane = next(p for p in run.scene.planes if p.name == meeting.other)
+        return measure.overlap_with_plane(position, meeting.row, plane.point, plane.normal, radius)
+    return measure.overlap_with_sphere(position, meeting.row, meeting.other, radius)
+
+
+def relative_velocity(run: Run, meeting: Meeting) -> np.ndarray:
+    """Velocity [m/s] of the meeting's first particle against its partner, (t, 3)."""
+    velocity = run.trace["velocity"]
+    return velocity[:, meeting.row] - (0.0 if isinstance(meeting.other, str) else velocity[:, meeting.other])
+
+
+def observables(results: Results, run: Run, meeting: Meeting) -> dict[str, float]:
+    """Peak overlap [m], contact time [s] and rebound [1] as the run has them."""
+    time, deep = run.trace["time"], overlap(run, meeting)
+    begin, end = measure.contact_interval(time, deep)
+    normal = exact(results, run.scene, meeting).frame[0]
+    return {
+        "peak_overlap": measure.peak(time, deep)[1],
+        "contact_time": end - begin,
+        "rebound": measure.rebound(relative_velocity(run, meeting), normal),
+    }
+
+
+def errors(results: Results, run: Run, meeting: Meeting) -> dict[str, float]:
+    """Largest differences from the ODE over all steps: position / peak overlap, velocity and R x spin /
+    impact speed.
+    """
+    truth, trace = exact(results, run.scene, meeting), run.trace
+    at = truth.at(trace["time"])
+    radius = run.scene.state.radius[meeting.rows]
+    speed = float(np.hypot(truth.speed, truth.slip))
+    scale = {"position": truth.contact.peak_overlap, "velocity": speed, "angular_velocity": speed / radius}
+    return {k: measure.largest_difference(trace[k][:, meeting.rows], at[k], s) for k, s in scale.items()}

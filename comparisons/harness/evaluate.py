@@ -1,0 +1,165 @@
+"""Checks, figures and tables of a case evaluated on its runs; what fails becomes a result that says so."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from comparisons.harness import codes
+from comparisons.harness.case import Case, Check, Figure, Measured, Results, Table, Tier, Unmeasured
+from comparisons.harness.results import Artefact, CheckResult, Status
+from gpudem.errors import GpudemError
+from gpudem.output.run import Run
+
+Key = tuple[str, str]
+
+
+class RunFailed(GpudemError):
+    """A measure asked for a run that failed."""
+
+
+class Runs(dict[Key, Run]):
+    """The runs of a case. Asking for a failed one, or for all where one failed, raises: no shorter result."""
+
+    def __init__(self, runs: dict[Key, Run], failed: dict[Key, str]):
+        super().__init__(runs)
+        self.failed = failed
+
+    def __missing__(self, key: Key) -> Run:
+        if key in self.failed:
+            raise RunFailed(f"{codes.title(key[1])} failed on {key[0]}: {self.failed[key]}")
+        raise KeyError(key)
+
+    def _whole(self) -> None:
+        for key in self.failed:
+            self.__missing__(key)
+
+    def __iter__(self):
+        self._whole()
+        return super().__iter__()
+
+    def items(self):
+        """(key, run) of all; raises RunFailed if one failed."""
+        self._whole()
+        return super().items()
+
+    def values(self):
+        """All runs; raises RunFailed if one failed."""
+        self._whole()
+        return super().values()
+
+
+class Evaluation:
+    """The runs of one case and what its checks, figures and tables make of them."""
+
+    def __init__(self, case: Case, tier: Tier, selected: tuple[str, ...]):
+        self.case, self.selected = case, selected
+        self.tier: Tier = tier
+        self.runs: dict[Key, Run] = {}
+        self.failed: dict[Key, str] = {}
+        self.ended: dict[Key, str] = {}
+        self._cache: dict[Any, Any] = {}
+
+    def check(self, check: Check) -> CheckResult:
+        """Evaluate one check; an exception becomes an error result with its message."""
+        found: dict[str, Any] = {}
+        status, why = self._missing(check)
+        if not status:
+            try:
+                measured = check.measure(self._results(check.needs))
+                if not isinstance(measured, Measured):
+                    measured = Measured(float(measured))
+                found = {k: _number(getattr(measured, k)) for k in ("value", "measured", "expected")}
+                found["note"] = measured.note
+                status = "pass" if holds(check, found["value"]) else "fail"
+            except Unmeasured as error:
+                status, why = "left_out", str(error)
+            except Exception as error:
+                status, why = "error", describe(error)
+        return outcome(self.case, check, status, why, **found)
+
+    def figure(self, figure: Figure, root: Path, number: int) -> Artefact:
+        """Draw one figure into <case>/figures/."""
+        from comparisons.report import plots, svg
+
+        def write(stem: str) -> str:
+            path = root / self.case.name / "figures" / f"{stem}.svg"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with plots.look():
+                drawn = figure.draw(self._results(figure.needs))
+                path.write_text(svg.of(drawn, f"{self.case.name}-{stem}"))
+            return str(path.relative_to(root))
+
+        return self._artefact("figure", figure, number, write)
+
+    def table(self, table: Table, root: Path, number: int) -> Artefact:
+        """Write one table into <case>/tables/."""
+
+        def write(stem: str) -> str:
+            path = root / self.case.name / "tables" / f"{stem}.csv"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            table.make(self._results(table.needs)).to_csv(path, index=False)
+            return str(path.relative_to(root))
+
+        return self._artefact("table", table, number, write)
+
+    def _artefact(self, kind, item: Figure | Table, number: int, write) -> Artefact:
+        status, why = self._missing(item)
+        file = ""
+        if not status:
+            try:
+                status, file = "ok", write(f"{number:02d}_{slug(item.title)}")
+            except Unmeasured as error:
+                status, why = "left_out", str(error)
+            except Exception as error:
+                status, why = "error", describe(error)
+        return Artefact(kind, item.title, item.caption, item.section, file, status, why, item.recorded)
+
+    def _results(self, needs: tuple[str, ...]) -> Results:
+        failed = {key: why for key, why in self.failed.items() if key[1] in needs}
+        return Results(self.tier, Runs(self.runs, failed), self._cache, self.ended)
+
+    def _missing(self, item: Check | Figure | Table) -> tuple[Any, str]:
+        away = [code for code in item.needs if code not in self.selected]
+        if away:
+            return "left_out", f"needs {', '.join(map(codes.title, away))}, which was not selected"
+        ran = {code for _, code in [*self.runs, *self.failed, *self.ended]}
+        never = [code for code in item.needs if code not in ran]
+        if never:
+            return (
+                "error",
+                f"no variant of the {self.tier} tier runs through {', '.join(map(codes.title, never))}",
+            )
+        return None, ""
+
+
+def outcome(case: Case, check: Check, status: Status, why: str = "", **found: Any) -> CheckResult:
+    """The result of a check; `found`: value, measured, expected, note."""
+    said = ("name", "unit", "tolerance", "lo", "against", "mark", "reason", "catches", "needs")
+    facts = {field: getattr(check, field) for field in said}
+    return CheckResult(case=case.name, status=status, why=why, **facts, **found)
+
+
+def holds(check: Check, value: float) -> bool:
+    """Whether a value lies within a check's tolerance; NaN does not."""
+    return value <= check.tolerance and (check.lo is None or value >= check.lo)
+
+
+def describe(error: BaseException) -> str:
+    """An exception as a reader needs it: our own messages as they are, others with their kind and place."""
+    if isinstance(error, GpudemError):
+        return str(error)
+    place, last = "", error.__traceback__
+    while last is not None:
+        place, last = f" ({Path(last.tb_frame.f_code.co_filename).name}, line {last.tb_lineno})", last.tb_next
+    return f"{type(error).__name__}: {error}{place}"
+
+
+def slug(title: str) -> str:
+    """A title as a file name."""
+    return re.sub(r"[^a-z0-9]+", "_", title.lower()).strip("_")[:48] or "untitled"
+
+
+def _number(x: Any) -> float | None:
+    return None if x is None else float(x)

@@ -1,0 +1,252 @@
+"""What a comparison found, as dataclasses <-> results.json with a versioned schema.
+
+The report page and junit.xml are made from this file and the artefacts beside it; no code runs for them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+from comparisons.harness.case import Mark, Section, Tier
+from comparisons.harness.numbers import number
+from gpudem.errors import GpudemError
+from gpudem.output.atomic import write_bytes
+
+#: Raised by one whenever a field changes its name or meaning.
+SCHEMA_VERSION = 1
+
+RESULTS = "results.json"
+
+Status = Literal["pass", "fail", "error", "left_out"]
+
+
+@dataclasses.dataclass(frozen=True)
+class CheckResult:
+    """One check: what was held against what, how close it came, and why it matters."""
+
+    case: str
+    name: str
+    status: Status
+    unit: str
+    tolerance: float
+    against: str
+    mark: Mark
+    reason: str
+    catches: str
+    needs: tuple[str, ...]
+    why: str = ""
+    """Why it is an error or was left out."""
+    value: float | None = None
+    lo: float | None = None
+    measured: float | None = None
+    expected: float | None = None
+    note: str = ""
+
+    @property
+    def verdict(self) -> str:
+        """Why it has no value, or the value and what is allowed, in words."""
+        if self.why or self.value is None:
+            return self.why
+        unit = "" if self.unit in ("", "1") else f" {self.unit}"
+        return f"{self.value:.5g}{unit}, allowed: {self.allowed}"
+
+    @property
+    def allowed(self) -> str:
+        """The range in which the value must lie."""
+        if self.lo is None:
+            return f"\u2264 {number(self.tolerance)}"
+        if math.isinf(self.tolerance):
+            return f"\u2265 {number(self.lo)}"
+        return f"{number(self.lo)} to {number(self.tolerance)}"
+
+    @property
+    def ratio(self) -> float | None:
+        """How much of the tolerance is used: <= 1 holds. In a band: distance from its middle."""
+        if self.value is None or math.isnan(self.value):
+            return None
+        if self.lo is None:
+            return self.value / self.tolerance if self.tolerance else (0.0 if self.value <= 0 else math.inf)
+        if math.isinf(self.tolerance):
+            return self.lo / self.value if self.value > 0 else math.inf
+        half = (self.tolerance - self.lo) / 2
+        return abs(self.value - (self.lo + self.tolerance) / 2) / half if half else math.inf
+
+
+@dataclasses.dataclass(frozen=True)
+class TimingResult:
+    """Where the wall-clock time of one run went, and on what. Times in seconds of wall clock."""
+
+    case: str
+    variant: str
+    code: str
+    version: str
+    device: str
+    cores: int
+    precision: str
+    particles: int
+    steps: int
+    stepping_s: float
+    compile_s: float
+    setup_s: float
+    output_s: float
+    wall_s: float
+    """From the call to its return, all included."""
+    peak_memory_bytes: int
+    rate: float
+    """Particle-steps per second of stepping."""
+
+
+@dataclasses.dataclass(frozen=True)
+class RunResult:
+    """One variant through one code: where it lies and what it was made from."""
+
+    case: str
+    variant: str
+    code: str
+    version: str
+    status: Literal["ok", "error", "ended"]
+    """`ended`: the code gave the run up, which this variant is there to find out."""
+    directory: str
+    """Relative to the comparison's folder."""
+    scene_hash: str
+    state_hash: str
+    why: str = ""
+    seed: int | None = None
+    deck_hash: str = ""
+    recorded: bool = False
+    """True: stored output of an earlier run stood in for the code."""
+    warnings: list[str] = dataclasses.field(default_factory=list)
+    notes: dict[str, Any] = dataclasses.field(default_factory=dict)
+
+
+@dataclasses.dataclass(frozen=True)
+class Artefact:
+    """A figure (.svg) or table (.csv) of a case; `why` says what went wrong where there is no file."""
+
+    kind: Literal["figure", "table"]
+    title: str
+    caption: str
+    section: Section
+    file: str = ""
+    """Relative to the comparison's folder; empty if it could not be made or was left out."""
+    status: Literal["ok", "error", "left_out"] = "ok"
+    why: str = ""
+    recorded: bool = False
+    """Kept with the full tier's record."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Recorded:
+    """What an earlier, longer run of a case found, kept in the project."""
+
+    tier: Tier
+    provenance: dict[str, Any]
+    """commit, dirty, date and hardware."""
+    versions: dict[str, str]
+    """By code."""
+    wall_s: float
+    checks: list[CheckResult]
+    artefacts: list[Artefact] = dataclasses.field(default_factory=list)
+    """Figures and tables kept beside it, files relative to the folder of the records."""
+
+    __pydantic_config__ = ConfigDict(ser_json_inf_nan="strings")
+
+
+@dataclasses.dataclass(frozen=True)
+class CaseResult:
+    """One case: prose, set-up, artefacts. Checks, runs and timings stand in the lists of the comparison."""
+
+    name: str
+    title: str
+    purpose: str
+    source: str
+    order: int
+    features: tuple[str, ...]
+    status: Literal["waiting", "done", "error", "interrupted"] = "waiting"
+    why: str = ""
+    wall_s: float = 0.0
+    setup: list[tuple[str, str, str]] = dataclasses.field(default_factory=list)
+    """Rows (quantity, value, unit) of the resolved scenes."""
+    artefacts: list[Artefact] = dataclasses.field(default_factory=list)
+    recorded: Recorded | None = None
+    """Of the full tier, where this comparison is of a shorter one."""
+
+
+@dataclasses.dataclass
+class Comparison:
+    """Everything of one `gpudem compare`."""
+
+    tier: Tier
+    codes: tuple[str, ...]
+    options: dict[str, Any]
+    started: str
+    """UTC, ISO 8601."""
+    written: str
+    """When this was written, UTC."""
+    provenance: dict[str, Any]
+    cases: list[CaseResult]
+    checks: list[CheckResult] = dataclasses.field(default_factory=list)
+    timings: list[TimingResult] = dataclasses.field(default_factory=list)
+    runs: list[RunResult] = dataclasses.field(default_factory=list)
+    wall_s: float = 0.0
+    state: Literal["running", "done", "interrupted"] = "running"
+    schema_version: int = SCHEMA_VERSION
+
+    __pydantic_config__ = ConfigDict(ser_json_inf_nan="strings")
+
+    def counts(self) -> dict[str, int]:
+        """Checks by status."""
+        return {s: sum(c.status == s for c in self.checks) for s in ("pass", "fail", "error", "left_out")}
+
+    def broken(self) -> list[str]:
+        """What went wrong outside the checks: cases, figures and tables that could not be made."""
+        found = [f"case {c.name}: {c.why}" for c in self.cases if c.status == "error"]
+        return found + [
+            f"{a.kind} {a.title!r} of {c.name}: {a.why}"
+            for c in self.cases
+            for a in c.artefacts
+            if a.status == "error"
+        ]
+
+    def exit_code(self) -> int:
+        """0: all checks hold; 1: one fails or has no result; 3: a code could not run; 130: interrupted."""
+        if self.state == "interrupted":
+            return 130
+        if any(r.status == "error" for r in self.runs):
+            return 3
+        counts = self.counts()
+        return 1 if counts["fail"] or counts["error"] or self.broken() else 0
+
+    def save(self, directory: Path) -> None:
+        """Write results.json, whole or not at all."""
+        data = TypeAdapter(Comparison).dump_json(self, indent=1)
+        write_bytes(directory / RESULTS, data)
+
+
+def load(directory: Path) -> Comparison:
+    """Read DIRECTORY/results.json. Raises GpudemError if it is missing, broken or of another schema."""
+    import json
+
+    path = directory / RESULTS
+    try:
+        data = json.loads(path.read_text())
+    except OSError as error:
+        raise GpudemError(
+            f"{path}: cannot read ({error.strerror}); is this the folder of a comparison?"
+        ) from None
+    except ValueError as error:
+        raise GpudemError(f"{path}: not JSON: {error}") from None
+    version = data.get("schema_version") if isinstance(data, dict) else None
+    if version != SCHEMA_VERSION:
+        raise GpudemError(f"{path}: schema {version}; this gpudem reads schema {SCHEMA_VERSION}")
+    try:
+        return TypeAdapter(Comparison).validate_python(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise GpudemError(f"{path}: {where}: {first['msg']} ({error.error_count()} problems)") from None

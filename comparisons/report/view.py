@@ -1,0 +1,229 @@
+"""What the page shows, worked out of a comparison: order of checks, coverage, the ratio axis, files."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import functools
+import math
+import re
+from pathlib import Path
+
+from comparisons.harness import codes
+from comparisons.harness.numbers import DASH, MINUS, number
+from comparisons.harness.results import CaseResult, CheckResult, Comparison, RunResult, TimingResult
+
+#: The ratio axis: value / tolerance from 10^LOW to 10^HIGH.
+LOW, HIGH = -8, 2
+TICKS = range(LOW, HIGH + 1, 2)
+
+MARKS = {
+    "A": "closed form, ODE solution or exact invariance",
+    "P": "published measurement or computation",
+    "X": "the other code, from the same numbers",
+    "R": "stored earlier result of this code",
+}
+
+WORDS = {"pass": "PASS", "fail": "FAIL", "error": "ERROR", "left_out": "LEFT OUT"}
+
+_SEVERITY = {"error": 0, "fail": 1, "pass": 2, "left_out": 3}
+
+#: Files of a run worth a link, in this order; patterns within the run's folder.
+FILES = (
+    "deck*",
+    "in.*",
+    "*.data",
+    "scene.json",
+    "run.json",
+    "run.pvd",
+    "history.csv",
+    "trace.npz",
+    "log*",
+    "error.txt",
+)
+
+#: Decks printed in the page per case; further ones are linked.
+MAX_DECKS = 12
+
+
+@dataclasses.dataclass(frozen=True)
+class Deck:
+    """A deck printed in the page."""
+
+    variant: str
+    text: str
+
+
+class View:
+    """A comparison as the templates read it."""
+
+    words, marks = WORDS, MARKS
+
+    def __init__(self, comparison: Comparison, directory: Path):
+        self.comparison, self.directory = comparison, directory
+
+    # -- verdict ---------------------------------------------------------------------------------------------
+
+    @functools.cached_property
+    def verdict(self) -> tuple[str, str]:
+        """(status word for the colour, sentence)."""
+        c = self.comparison
+        n, total = c.counts(), len(c.checks)
+        judged = total - n["left_out"]
+        bad = [f"{n['fail']} fail"] * (n["fail"] > 0) + [f"{n['error']} could not be evaluated"] * (
+            n["error"] > 0
+        )
+        bad += [f"{len(c.broken())} case, figure or table broken"] * bool(c.broken())
+        if bad:
+            return "fail", f"{n['pass']} of {judged} checks hold; {', '.join(bad)}"
+        if c.state == "interrupted":
+            return "warn", f"Interrupted: {n['pass']} of {total} checks hold, the others were not reached"
+        if c.state == "running":
+            return "warn", f"Still running: {n['pass']} checks hold so far" if total else "Still running"
+        if not judged:
+            return "warn", "Nothing was checked"
+        return "pass", f"All {judged} checks hold"
+
+    @functools.cached_property
+    def versions(self) -> list[str]:
+        """Like "gpudem 0.1" and "LIGGGHTS 3.8.0 (recorded)"."""
+        found = {}
+        for run in self.comparison.runs:
+            if run.status == "ok":
+                found.setdefault((run.code, run.version), set()).add(run.recorded)
+        note = {frozenset({True}): " (recorded)", frozenset({True, False}): " (partly recorded)"}
+        name = {(c, v): v if v.startswith(codes.title(c)) else f"{codes.title(c)} {v}" for c, v in found}
+        return [f"{name[key]}{note.get(frozenset(r), '')}" for key, r in sorted(found.items())]
+
+    @functools.cached_property
+    def devices(self) -> list[str]:
+        """Like "gpudem: cpu, 2 cores, float64", most used first."""
+        found: dict[str, int] = {}
+        for t in self.comparison.timings:
+            unit = ("rank" if t.code == "liggghts" else "core") + "s" * (t.cores != 1)
+            key = f"{codes.title(t.code)}: {t.device}, {t.cores} {unit}, {t.precision}"
+            found[key] = found.get(key, 0) + 1
+        return sorted(found, key=lambda key: -found[key])
+
+    # -- checks ----------------------------------------------------------------------------------------------
+
+    @functools.cached_property
+    def checks(self) -> list[CheckResult]:
+        """Failures first; within a status as the cases stand, most of the tolerance used first."""
+        order = {case.name: k for k, case in enumerate(self.comparison.cases)}
+        return sorted(
+            self.comparison.checks, key=lambda c: (_SEVERITY[c.status], order.get(c.case, 0), -(c.ratio or 0))
+        )
+
+    @functools.cached_property
+    def passed(self) -> list[tuple[CaseResult, list[CheckResult]]]:
+        """(case, its checks that hold, most of the tolerance used first)."""
+        groups = (
+            (c, [k for k in self.checks if k.case == c.name and k.status == "pass"])
+            for c in self.comparison.cases
+        )
+        return [(case, checks) for case, checks in groups if checks]
+
+    def checks_of(self, case: str) -> list[CheckResult]:
+        """The checks of a case in their own order."""
+        return [c for c in self.comparison.checks if c.case == case]
+
+    def check_id(self, check: CheckResult) -> str:
+        """Anchor of a check; its place keeps it unique."""
+        return f"check-{check.case}-{self.checks_of(check.case).index(check) + 1}"
+
+    ticks = tuple((t, 100 * (t - LOW) / (HIGH - LOW)) for t in TICKS)
+    limit = 100 * (0 - LOW) / (HIGH - LOW)
+
+    @staticmethod
+    def place(check: CheckResult) -> float | None:
+        """Where a check's value / tolerance lies on the ratio axis [% of its width]; None without a value."""
+        ratio = check.ratio
+        if ratio is None:
+            return None
+        exponent = math.log10(ratio) if ratio > 0 else -math.inf
+        return 100 * (min(max(exponent, LOW), HIGH) - LOW) / (HIGH - LOW)
+
+    # -- coverage --------------------------------------------------------------------------------------------
+
+    @functools.cached_property
+    def coverage(self) -> list[tuple[str, list[list[tuple[str, bool]]]]]:
+        """(feature, for each case the marks of its checks, each with whether all with that mark hold)."""
+        cases = self.comparison.cases
+        features = sorted({f for case in cases for f in case.features})
+        return [(f, [self._marks(case) if f in case.features else [] for case in cases]) for f in features]
+
+    def _marks(self, case: CaseResult) -> list[tuple[str, bool]]:
+        mine = [c for c in self.comparison.checks if c.case == case.name and c.status != "left_out"]
+        return [
+            (mark, all(c.status == "pass" for c in mine if c.mark == mark))
+            for mark in MARKS
+            if any(c.mark == mark for c in mine)
+        ]
+
+    # -- cases -----------------------------------------------------------------------------------------------
+
+    def timings_of(self, case: str) -> list[TimingResult]:
+        """Timings of a case."""
+        return [t for t in self.comparison.timings if t.case == case]
+
+    def runs_of(self, case: str) -> list[RunResult]:
+        """Runs of a case."""
+        return [r for r in self.comparison.runs if r.case == case]
+
+    def files(self, run: RunResult) -> list[tuple[str, str]]:
+        """(name, link relative to the page) of the files of a run."""
+        folder = self.directory / run.directory
+        found = {
+            p.name: f"{run.directory}/{p.name}"
+            for pattern in FILES
+            for p in sorted(folder.glob(pattern))
+            if p.is_file()
+        }
+        return list(found.items())
+
+    def decks(self, case: str) -> list[Deck]:
+        """The decks of a case, each text once."""
+        found: dict[str, str] = {}
+        for run in self.runs_of(case):
+            for path in sorted((self.directory / run.directory).glob("deck*")):
+                if path.is_file():
+                    found.setdefault(path.read_text(errors="replace"), run.variant)
+        return [Deck(variant, text) for text, variant in list(found.items())[:MAX_DECKS]]
+
+    def status_of(self, case: CaseResult) -> str:
+        """Worst status of a case: for its colour and word."""
+        statuses = {c.status for c in self.checks_of(case.name)} | {a.status for a in case.artefacts} - {"ok"}
+        if case.status == "error" or "error" in statuses:
+            return "error"
+        if "fail" in statuses:
+            return "fail"
+        return "pass" if "pass" in statuses else "left_out"
+
+
+def memory(n: float) -> str:
+    """Bytes for a reader."""
+    return f"{n / 2**30:.2f} GiB" if n >= 2**30 else f"{n / 2**20:.0f} MiB" if n else DASH
+
+
+def anchor(text: str) -> str:
+    """A name as an HTML id."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", text)
+
+
+def read_table(path: Path) -> dict[str, list]:
+    """A CSV file as header and rows of text; numbers rounded for a reader, their full digits as the title."""
+    with path.open(newline="") as file:
+        lines = list(csv.reader(file))
+    rows = [[_cell(text) for text in line] for line in lines[1:]]
+    return {"header": lines[0] if lines else [], "rows": rows}
+
+
+def _cell(text: str) -> tuple[str, str, bool]:
+    """(shown, full, is a number)."""
+    try:
+        value = float(text)
+    except ValueError:
+        return text, "", False
+    whole = re.fullmatch(r"-?\d{1,15}", text)
+    return (text.replace("-", MINUS) if whole else number(value)), text, True
