@@ -87,7 +87,7 @@ def app() -> None:
 
 @app.command()
 @SCENE
-@click.option("--code", "code", type=click.Choice(list(codes.CODES)), default="gpudem", show_default=True)
+@click.option("--code", default="gpudem", show_default=True, help="Which code runs it.")
 @DEVICE
 @PRECISION
 @THREADS
@@ -100,6 +100,7 @@ def run(scene: Path, code: str, out: Path | None, quiet: bool, **options: Any) -
     """Run one scene; frames open in ParaView by run.pvd."""
     from comparisons.cli import scene_commands as cli_scene
 
+    code = codes.select([code])[0]
     return cli_scene.run(scene, code, codes.Options(**options), out, quiet)
 
 
@@ -144,7 +145,7 @@ def cases(tier: Any) -> int:
     found = find_cases()
     width = max([len(case.name) for case in found], default=0)
     for case in found:
-        count = sum(tier in check.tiers for check in case.checks)
+        count = len(case.checks_of(tier))
         where = f"{count:3d} checks" if tier in case.tiers else f"not in {tier}"
         click.echo(f"{case.name:{width}}  {where}  {case.title}")
     return 0
@@ -179,10 +180,10 @@ def compare(
     from comparisons.harness import execute, progress, recorded_cases
     from comparisons.harness.discover import find_cases, select
 
-    names = tuple(dict.fromkeys(name.strip() for name in chosen.split(",") if name.strip()))
-    unknown = [name for name in names if name not in codes.CODES]
-    if unknown or not names:
-        raise GpudemError(f"--codes: no code {(unknown or [chosen])[0]!r}; known: {', '.join(codes.CODES)}")
+    try:
+        names = codes.select(chosen.split(","))
+    except GpudemError as error:
+        raise GpudemError(f"--codes: {error}") from None
     if record and tier != "full":
         raise GpudemError(f"--record: keeps results of the full tier, this is {tier}: add --tier full")
     cases = select(find_cases(), case, tier)

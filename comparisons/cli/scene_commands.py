@@ -127,7 +127,7 @@ def _last_step(directory: Path, seen: int) -> int:
 def _summary(result: Run, code: str) -> None:
     """How fast it was, and by which neighbour list."""
     t = result.timing
-    cores = f"{t.cores} {'rank' if code == 'liggghts' else 'core'}{'s' if t.cores > 1 else ''}"
+    cores = f"{t.cores} {codes.unit(code)}{'s' if t.cores > 1 else ''}"
     click.echo(
         f"{t.steps} steps of {t.particles} particles in {progress.duration(t.stepping_s)}:"
         f" {progress.quantity(t.rate)} particle-steps/s on {t.device}, {cores}, {t.precision}"

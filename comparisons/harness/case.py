@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
+from comparisons.harness import codes as registry
 from gpudem.errors import GpudemError
 from gpudem.output.run import Run
 from gpudem.scene import Scene
@@ -35,12 +37,28 @@ class Variant:
     label: str
     """Short and unique within the case; letters, digits, `_`, `-`, `.`; names the run directory."""
     scene: Scene
-    codes: tuple[str, ...] = ("gpudem", "liggghts")
+    codes: tuple[str, ...] | None = None
+    """Codes that run it; None: each that advances a scene step by step. A code that a user brought runs every
+    variant of gpudem's."""
     options: dict[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
     """Keyword arguments of a code's run function, by code: {"liggghts": {"ranks": 2}}."""
+    open: bool = False
+    """A scene of the user: a code that cannot be given it is left out; of a scene of ours, it is an error."""
     may_end: bool = False
     """The scene is there to find out whether codes come through: an error of a code is a result, kept in
     `Results.ended`, and no failure of the comparison."""
+
+    def names(self, code: str) -> bool:
+        """Whether it has been written for a code: it says so, or the code is gpudem or a reference."""
+        if self.codes is not None:
+            return code in self.codes
+        return not self.open and not registry.brought(code)
+
+    def codes_of(self, selected: Sequence[str]) -> tuple[str, ...]:
+        """Those of the selected codes that run it, in order."""
+        named = registry.stepped(tuple(registry.CODES)) if self.codes is None else self.codes
+        own = [code for code in selected if registry.brought(code)] if "gpudem" in named else []
+        return tuple(code for code in dict.fromkeys([*named, *own]) if code in selected)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,6 +105,21 @@ class Measured:
     note: str = ""
 
 
+def largest(found: Mapping[str, float | Measured], note: str = "") -> Measured:
+    """The largest of several errors, and where: {"dt_1e-6": error, ...}. One that is not a number is largest.
+
+    Raises ValueError if there is none: nothing was measured.
+    """
+    if not found:
+        raise ValueError("nothing was measured")
+    values = {where: x if isinstance(x, Measured) else Measured(float(x)) for where, x in found.items()}
+    where = max(values, key=lambda k: math.inf if math.isnan(values[k].value) else values[k].value)
+    texts = [
+        text for text in (note, f"largest in {where}" if len(values) > 1 else "", values[where].note) if text
+    ]
+    return dataclasses.replace(values[where], note="; ".join(texts))
+
+
 @dataclasses.dataclass(frozen=True)
 class Check:
     """One number that must lie within its tolerance.
@@ -111,6 +144,23 @@ class Check:
     """Codes whose runs it reads; left out, and said so, where one is not selected."""
     tiers: tuple[Tier, ...] = TIERS
     lo: float | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class PerCode:
+    """The same checks for each code at hand that advances a scene step by step."""
+
+    make: Callable[[str], Check | tuple[Check, ...]]
+    """Name of a code -> its checks; their names hold the code's name, `needs` is that code."""
+
+
+@dataclasses.dataclass(frozen=True)
+class PerPair:
+    """The same checks for each code under test and the code that it is compared with (`codes.pairs`)."""
+
+    make: Callable[[str, str], Check | tuple[Check, ...]]
+    """(code under test, the other) -> checks, `needs` both. The name of the pair is added to those of pairs
+    that are not gpudem and a reference."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,7 +203,7 @@ class Case:
     source: str
     """Where set-up and expected values come from."""
     variants: Callable[[Tier], list[Variant]]
-    checks: tuple[Check, ...]
+    checks: tuple[Check | PerCode | PerPair, ...]
     figures: tuple[Figure, ...] = ()
     tables: tuple[Table, ...] = ()
     features: tuple[str, ...] = ()
@@ -161,3 +211,27 @@ class Case:
     order: int = 100
     """Place in the report; lower first, quick cases first."""
     tiers: tuple[Tier, ...] = TIERS
+
+    def checks_of(self, tier: Tier, selected: Sequence[str] | None = None) -> list[Check]:
+        """The checks of a tier in order, made for the selected codes (all that are known if None)."""
+        chosen = tuple(registry.CODES) if selected is None else tuple(selected)
+        made = [check for item in self.checks for check in _expand(item, chosen)]
+        return [check for check in made if tier in check.tiers]
+
+
+def _expand(item: Check | PerCode | PerPair, selected: tuple[str, ...]) -> Iterator[Check]:
+    if isinstance(item, PerCode):
+        for code in registry.stepped(selected):
+            yield from _several(item.make(code))
+    elif isinstance(item, PerPair):
+        for code, other in registry.pairs(selected):
+            usual = code == "gpudem" and registry.CODES[other].role == "reference"
+            names = "" if usual else f" ({registry.title(code)} against {registry.title(other)})"
+            for check in _several(item.make(code, other)):
+                yield dataclasses.replace(check, name=check.name + names)
+    else:
+        yield item
+
+
+def _several(made: Check | tuple[Check, ...]) -> tuple[Check, ...]:
+    return made if isinstance(made, tuple) else (made,)

@@ -1,41 +1,28 @@
-"""The codes that a scene can go through: name -> run function with the command line's options.
-
-A new code is one function and one line in `CODES`.
+"""The codes that a scene can go through, by name: gpudem's two engines, every folder of `reference/` with a
+module `code`, and those of other packages (entry-point group `gpudem.codes`).
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+import difflib
+import importlib
+import pkgutil
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+import reference
+from gpudem.entry_points import load_entry_points
+from gpudem.errors import GpudemError
 from gpudem.output.run import Run
 from gpudem.scene import Scene
+from reference.code import Code, Options, Progress, Role
 
-#: Called with the number of steps done.
-Progress = Callable[[int], None]
+ENTRY_POINTS = "gpudem.codes"
 
-
-@dataclasses.dataclass(frozen=True)
-class Options:
-    """What the command line says about how codes run; each code takes what concerns it."""
-
-    device: str = "cpu"
-    precision: str | None = None
-    """Overrides the scene's; None keeps it."""
-    threads: int | None = None
-    """Cores of gpudem's CPU device; None: all."""
-    ranks: int = 1
-    """MPI ranks of LIGGGHTS."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Code:
-    """One code: the name people know it by, and how to run it."""
-
-    title: str
-    run: Callable[[Scene, Path, Options, Progress, dict[str, Any]], Run]
+#: Roles whose runs are compared step by step.
+STEPPED: tuple[Role, ...] = ("under_test", "reference")
 
 
 def _gpudem(
@@ -49,18 +36,6 @@ def _gpudem(
     return driver.simulate(scene, directory, progress=progress, **arguments)
 
 
-def _liggghts(
-    scene: Scene, directory: Path, options: Options, progress: Progress, extra: dict[str, Any]
-) -> Run:
-    from reference import liggghts
-    from reference.liggghts import deviations
-
-    if "deviation" in extra:  # a deck of the closed list of the report's findings
-        return deviations.run(scene, directory, progress=progress, **extra)
-    arguments: dict[str, Any] = {"ranks": options.ranks} | extra
-    return liggghts.run(scene, directory, progress=progress, **arguments)
-
-
 def _event_driven(
     scene: Scene, directory: Path, options: Options, progress: Progress, extra: dict[str, Any]
 ) -> Run:
@@ -69,13 +44,75 @@ def _event_driven(
     return event_driven.run(scene, directory, progress=progress, **extra)
 
 
-CODES: dict[str, Code] = {
-    "gpudem": Code("gpudem", _gpudem),
-    "liggghts": Code("LIGGGHTS", _liggghts),
-    "event_driven": Code("event-driven", _event_driven),
-}
+CODES: dict[str, Code] = {}
+
+
+def register(code: Any) -> None:
+    """Add a code. Raises GpudemError: not a `Code`, or its name is taken by another."""
+    if not isinstance(code, Code):
+        raise GpudemError(f"{ENTRY_POINTS}: {code!r} is no reference.code.Code")
+    if CODES.setdefault(code.name, code) is not code:
+        raise GpudemError(f"{ENTRY_POINTS}: two codes are called {code.name!r}; names must differ")
+
+
+def _register_all() -> None:
+    style = {"color": "#0072b2", "linestyle": "-", "linewidth": 1.8, "zorder": 3}
+    register(Code("gpudem", "gpudem", _gpudem, style=style))
+    for module in pkgutil.iter_modules(reference.__path__):
+        if module.ispkg:
+            register(importlib.import_module(f"reference.{module.name}.code").CODE)
+    style = {"color": "#009e73", "linestyle": "--", "linewidth": 1.5, "zorder": 2}
+    register(Code("event_driven", "event-driven", _event_driven, role="engine", style=style))
+    load_entry_points(ENTRY_POINTS, register)
+
+
+_register_all()
+
+
+def select(names: Iterable[str]) -> tuple[str, ...]:
+    """The names, each once, checked. Raises GpudemError for one that is no code, with the nearest known."""
+    chosen = tuple(dict.fromkeys(name.strip() for name in names if name.strip()))
+    for name in chosen:
+        if name not in CODES:
+            near = difflib.get_close_matches(name, CODES, n=1)
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            raise GpudemError(f"no code {name!r}; {hint}known: {', '.join(CODES)}")
+    if not chosen:
+        raise GpudemError(f"no code is named; known: {', '.join(CODES)}")
+    return chosen
 
 
 def title(code: str) -> str:
     """The name to show for a code."""
     return CODES[code].title if code in CODES else code
+
+
+def unit(code: str) -> str:
+    """What a code's `Timing.cores` counts: core, rank."""
+    return CODES[code].unit if code in CODES else "core"
+
+
+def stepped(selected: Sequence[str]) -> tuple[str, ...]:
+    """Those of the selected codes that advance a scene step by step."""
+    return tuple(name for name in selected if name in CODES and CODES[name].role in STEPPED)
+
+
+def brought(code: str) -> bool:
+    """Whether a code to be tested is not gpudem's own."""
+    return code != "gpudem" and code in CODES and CODES[code].role == "under_test"
+
+
+def pairs(selected: Sequence[str]) -> list[tuple[str, str]]:
+    """(code under test, code it is compared with) of the selected ones.
+
+    Each code under test is compared with each reference; one that a user brought (any but gpudem) is
+    compared with gpudem where that is selected, which is compared with the references itself.
+    """
+    chosen = stepped(selected)
+    references = [name for name in chosen if CODES[name].role == "reference"]
+    found = []
+    for name in chosen:
+        if CODES[name].role == "under_test":
+            against = ["gpudem"] if brought(name) and "gpudem" in chosen else references
+            found += [(name, other) for other in against]
+    return found

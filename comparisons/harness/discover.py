@@ -15,10 +15,8 @@ def find_cases(package: ModuleType | None = None) -> list[Case]:
     """All cases in order. A file that does not load becomes a case whose run says so: none disappears."""
     if package is None:
         from comparisons import cases as package
-    names = [
-        m.name for m in pkgutil.walk_packages(package.__path__, f"{package.__name__}.", onerror=_no_error)
-    ]
-    cases = [case for case in map(_load, names) if case is not None]
+    found = pkgutil.walk_packages(package.__path__, f"{package.__name__}.", onerror=_no_error)
+    cases = [case for case in (_load(module.name) for module in found) if case is not None]
     return sorted(cases, key=lambda case: (case.order, case.name))
 
 

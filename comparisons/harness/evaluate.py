@@ -20,19 +20,28 @@ class RunFailed(GpudemError):
 
 
 class Runs(dict[Key, Run]):
-    """The runs of a case. Asking for a failed one, or for all where one failed, raises: no shorter result."""
+    """The runs of a case. Asking for one that failed or is missing raises, and so does asking for all where one
+    failed or its code is not on this machine: no shorter result. What a code cannot be given is left out.
+    """
 
-    def __init__(self, runs: dict[Key, Run], failed: dict[Key, str]):
+    def __init__(
+        self, runs: dict[Key, Run], failed: dict[Key, str], absent: dict[Key, str], unstated: dict[Key, str]
+    ):
         super().__init__(runs)
-        self.failed = failed
+        self.failed, self.absent, self.unstated = failed, absent, unstated
 
     def __missing__(self, key: Key) -> Run:
+        code, variant = codes.title(key[1]), key[0]
         if key in self.failed:
-            raise RunFailed(f"{codes.title(key[1])} failed on {key[0]}: {self.failed[key]}")
+            raise RunFailed(f"{code} failed on {variant}: {self.failed[key]}")
+        if key in self.absent:
+            raise Unmeasured(f"needs {code} on {variant}: {self.absent[key]}")
+        if key in self.unstated:
+            raise Unmeasured(f"{code} cannot be given {variant}: {self.unstated[key]}")
         raise KeyError(key)
 
     def _whole(self) -> None:
-        for key in self.failed:
+        for key in (*self.failed, *self.absent):
             self.__missing__(key)
 
     def __iter__(self):
@@ -59,6 +68,10 @@ class Evaluation:
         self.runs: dict[Key, Run] = {}
         self.failed: dict[Key, str] = {}
         self.ended: dict[Key, str] = {}
+        self.absent: dict[Key, str] = {}
+        """Runs of codes that are not on this machine: why, and how to get the code."""
+        self.unstated: dict[Key, str] = {}
+        """Runs left out since the code cannot be given the scene: why."""
         self._cache: dict[Any, Any] = {}
 
     def check(self, check: Check) -> CheckResult:
@@ -117,14 +130,20 @@ class Evaluation:
         return Artefact(kind, item.title, item.caption, item.section, file, status, why, item.recorded)
 
     def _results(self, needs: tuple[str, ...]) -> Results:
-        failed = {key: why for key, why in self.failed.items() if key[1] in needs}
-        return Results(self.tier, Runs(self.runs, failed), self._cache, self.ended)
+        failed, absent = (
+            {key: why for key, why in of.items() if key[1] in needs} for of in (self.failed, self.absent)
+        )
+        return Results(self.tier, Runs(self.runs, failed, absent, self.unstated), self._cache, self.ended)
 
     def _missing(self, item: Check | Figure | Table) -> tuple[Any, str]:
         away = [code for code in item.needs if code not in self.selected]
         if away:
             return "left_out", f"needs {', '.join(map(codes.title, away))}, which was not selected"
+        left_out = {code: why for (_, code), why in [*self.unstated.items(), *self.absent.items()]}
         ran = {code for _, code in [*self.runs, *self.failed, *self.ended]}
+        gone = [code for code in item.needs if code in left_out and code not in ran]
+        if gone:
+            return "left_out", f"needs {codes.title(gone[0])}: {left_out[gone[0]]}"
         never = [code for code in item.needs if code not in ran]
         if never:
             return (

@@ -17,11 +17,11 @@ from comparisons.harness.results import CaseResult, CheckResult, Comparison, Run
 from comparisons.report import junit
 from comparisons.report import page as report
 from gpudem.errors import GpudemError
-from reference.liggghts.errors import LiggghtsNotFound, LiggghtsTimeout
+from reference.errors import CannotState, CodeMissing, CodeTimeout
 
 LATEST = "latest"
 #: A code that is not there or does not come to an end has said nothing about a scene.
-AWAY = (LiggghtsNotFound, LiggghtsTimeout)
+NO_ANSWER = (CodeMissing, CodeTimeout)
 
 
 def new_directory(root: Path, commit: str) -> Path:
@@ -71,12 +71,13 @@ class Session:
         directory: Path,
         *,
         tier: Tier = "quick",
-        selected: tuple[str, ...] = tuple(codes.CODES),
+        selected: tuple[str, ...] | None = None,
         options: codes.Options | None = None,
         reporter: Reporter | None = None,
         command: list[str] | None = None,
     ):
         self.cases = {case.name: case for case in cases}
+        selected = tuple(codes.CODES) if selected is None else selected
         self.directory, self.selected = directory, selected
         self.tier: Tier = tier
         self.options, self.reporter = options or codes.Options(), reporter or Reporter()
@@ -118,9 +119,8 @@ class Session:
             variants = case.variants(self.tier)
             result = dataclasses.replace(result, setup=setup_table.rows([v.scene for v in variants]))
             for variant in variants:
-                for code in variant.codes:
-                    if code in self.selected:
-                        self._run(evaluation, variant, code)
+                for code in variant.codes_of(self.selected):
+                    self._run(evaluation, variant, code)
             result = dataclasses.replace(result, status="done")
         except Exception as error:
             result = dataclasses.replace(result, status="error", why=describe(error))
@@ -144,7 +144,7 @@ class Session:
                 self.cases[blank.name],
                 {c.name for c in self.comparison.checks if c.case == blank.name},
             )
-            rest = [c for c in case.checks if self.tier in c.tiers and c.name not in done]
+            rest = [c for c in case.checks_of(self.tier, self.selected) if c.name not in done]
             self.comparison.checks += [outcome(case, c, "left_out", "interrupted by the user") for c in rest]
         self.write()
 
@@ -178,7 +178,12 @@ class Session:
             run = codes.CODES[code].run(scene, directory, self.options, self.reporter.step, extra)
         except Exception as error:
             why = describe(error)
-            if variant.may_end and isinstance(error, GpudemError) and not isinstance(error, AWAY):
+            left_out = _left_out(evaluation, variant, code, error)
+            if left_out is not None:
+                left_out[variant.label, code] = why
+                self.comparison.runs.append(RunResult(**facts, version="", status="left_out", why=why))
+                return
+            if variant.may_end and isinstance(error, GpudemError) and not isinstance(error, NO_ANSWER):
                 evaluation.ended[variant.label, code] = why
                 self.comparison.runs.append(RunResult(**facts, version="", status="ended", why=why))
                 return
@@ -208,7 +213,7 @@ class Session:
         )
 
     def _checks(self, evaluation: Evaluation, result: CaseResult) -> list[CheckResult]:
-        checks = [check for check in evaluation.case.checks if self.tier in check.tiers]
+        checks = evaluation.case.checks_of(self.tier, self.selected)
         if result.status == "error":
             return [outcome(evaluation.case, check, "error", result.why) for check in checks]
         return [evaluation.check(check) for check in checks]
@@ -229,6 +234,20 @@ class Session:
         for check in checks:
             if check.status in ("fail", "error"):
                 self.reporter.say(f"  {check.status.upper()} {check.name}: {check.verdict}")
+
+
+def _left_out(
+    evaluation: Evaluation, variant: Variant, code: str, error: Exception
+) -> dict[tuple[str, str], str] | None:
+    """Where to note a run that is left out, its code missing or not to be given the scene; None: it failed.
+
+    A variant that names its codes has been written for them: what they cannot be given is a failure.
+    """
+    if isinstance(error, CodeMissing):
+        return evaluation.absent
+    if isinstance(error, CannotState) and not variant.names(code) and not variant.may_end:
+        return evaluation.unstated
+    return None
 
 
 def _blank(case: Case, tier: Tier) -> CaseResult:

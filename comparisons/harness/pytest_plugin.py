@@ -45,7 +45,7 @@ class Harness:
         return [
             (case.name, name)
             for case in self.cases
-            for name in [*(c.name for c in case.checks if self.tier in c.tiers), WHOLE]
+            for name in [*(c.name for c in case.checks_of(self.tier)), WHOLE]
         ]
 
     def check(self, case: str, name: str) -> None:

@@ -109,8 +109,9 @@ class RunResult:
     variant: str
     code: str
     version: str
-    status: Literal["ok", "error", "ended"]
-    """`ended`: the code gave the run up, which this variant is there to find out."""
+    status: Literal["ok", "error", "ended", "left_out"]
+    """`ended`: the code gave the run up, which this variant is there to find out. `left_out`: the code is not
+    on this machine, or cannot be given the scene."""
     directory: str
     """Relative to the comparison's folder."""
     scene_hash: str

@@ -11,25 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from comparisons.harness import codes
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 INK, SOFT, GRID = "#1b2430", "#56616e", "#e6eaee"
 
-#: Who -> how it is drawn: gpudem blue line, LIGGGHTS orange rings, oracle thin black line, data diamonds.
-STYLES: dict[str, dict[str, Any]] = {
-    "gpudem": {"color": "#0072b2", "linestyle": "-", "linewidth": 1.8, "zorder": 3},
-    "liggghts": {
-        "color": "#d55e00",
-        "linestyle": "none",
-        "marker": "o",
-        "markersize": 4.5,
-        "markerfacecolor": "none",
-        "markeredgewidth": 1.2,
-        "zorder": 4,
-    },
-    "event_driven": {"color": "#009e73", "linestyle": "--", "linewidth": 1.5, "zorder": 2},
+#: What is drawn beside codes: thin black line for what is exact, diamonds for measurements.
+OTHERS: dict[str, dict[str, Any]] = {
     "oracle": {"color": "#000000", "linestyle": "-", "linewidth": 0.9, "zorder": 5},
     "experiment": {
         "color": "#777777",
@@ -39,13 +30,6 @@ STYLES: dict[str, dict[str, Any]] = {
         "markerfacecolor": "#bbbbbb",
         "zorder": 6,
     },
-}
-NAMES = {
-    "gpudem": "gpudem",
-    "liggghts": "LIGGGHTS",
-    "event_driven": "event-driven",
-    "oracle": "exact",
-    "experiment": "experiment",
 }
 #: For sweeps within one code.
 SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
@@ -105,7 +89,27 @@ def look() -> Iterator[None]:
 
 def style(who: str, **changes: Any) -> dict[str, Any]:
     """Drawing arguments of a code, "oracle" or "experiment", with its name as label."""
-    return {**STYLES.get(who, {}), "label": NAMES.get(who, who), **changes}
+    return {**OTHERS.get(who, _of_code(who)), "label": name(who), **changes}
+
+
+def name(who: str) -> str:
+    """The name to show for a code, "oracle" or "experiment"."""
+    return "exact" if who == "oracle" else codes.title(who)
+
+
+def color(who: str) -> str:
+    """The colour of a code, "oracle" or "experiment"."""
+    return style(who)["color"]
+
+
+def _of_code(who: str) -> dict[str, Any]:
+    """A code's own style; one without gets a colour by its place among the codes, and a dashed line."""
+    if who not in codes.CODES:
+        return {"color": SOFT}
+    if codes.CODES[who].style:
+        return codes.CODES[who].style
+    place = [name for name, code in codes.CODES.items() if not code.style].index(who)
+    return {"color": SERIES[3 + place % 4], "linestyle": (0, (4, 2)), "linewidth": 1.5, "zorder": 4}
 
 
 def figure(
@@ -175,7 +179,7 @@ def overlay_difference(
 
 def _code_color(label: str) -> str | None:
     """The colour of the code that a label starts with."""
-    return next((STYLES[who]["color"] for who, name in NAMES.items() if label.startswith((who, name))), None)
+    return next((color(who) for who in codes.CODES if label.startswith((who, name(who)))), None)
 
 
 def observed_order(steps: Any, errors: Any) -> float:
@@ -228,7 +232,7 @@ def work_precision(
         look = style(
             who, marker="os^vD"[nth % 5], markersize=5, linewidth=1.2, linestyle=("-", "--", ":")[nth % 3]
         )
-        look["label"] = f"{NAMES.get(who, who)} {rest}".strip()
+        look["label"] = f"{name(who)} {rest}".strip()
         order = np.argsort(seconds)
         axes.loglog(np.asarray(seconds, float)[order], np.asarray(errors, float)[order], **look)
     axes.set(xlabel=xlabel, ylabel=ylabel)
@@ -239,11 +243,11 @@ def work_precision(
 def band(axes: Axes, x: Any, samples: Any, who: str, *, label: str | None = None) -> None:
     """Mean of several seeds and the range between the smallest and the largest: samples (seeds, len(x))."""
     samples = np.asarray(samples, float)
-    color = STYLES[who]["color"]
-    axes.fill_between(x, samples.min(axis=0), samples.max(axis=0), color=color, alpha=0.18, linewidth=0)
-    dash = (0, (4, 2)) if who == "liggghts" else "-"
-    name = label or f"{NAMES[who]}, mean and range of {len(samples)}"
-    axes.plot(x, samples.mean(axis=0), color=color, linewidth=1.5, linestyle=dash, label=name)
+    shade = color(who)
+    axes.fill_between(x, samples.min(axis=0), samples.max(axis=0), color=shade, alpha=0.18, linewidth=0)
+    dash = "-" if who == "gpudem" else (0, (4, 2))
+    text = label or f"{name(who)}, mean and range of {len(samples)}"
+    axes.plot(x, samples.mean(axis=0), color=shade, linewidth=1.5, linestyle=dash, label=text)
 
 
 def points(axes: Axes, x: Any, y: Any, who: str, *, error: Any = None, **changes: Any) -> None:

@@ -100,7 +100,7 @@ class View:
         """Like "gpudem: cpu, 2 cores, float64", most used first."""
         found: dict[str, int] = {}
         for t in self.comparison.timings:
-            unit = ("rank" if t.code == "liggghts" else "core") + "s" * (t.cores != 1)
+            unit = codes.unit(t.code) + "s" * (t.cores != 1)
             key = f"{codes.title(t.code)}: {t.device}, {t.cores} {unit}, {t.precision}"
             found[key] = found.get(key, 0) + 1
         return sorted(found, key=lambda key: -found[key])

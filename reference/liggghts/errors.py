@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from gpudem.errors import GpudemError
+from reference.errors import CannotState, CodeMissing, CodeTimeout
 
 INSTALL = "apt-get install liggghts"
 
 
-class LiggghtsNotFound(GpudemError):
+class LiggghtsNotFound(CodeMissing):
     """No LIGGGHTS binary, and no recorded output for this deck."""
 
 
-class LiggghtsCannotState(GpudemError):
+class LiggghtsCannotState(CannotState):
     """The scene holds something that LIGGGHTS has no words for; names the item of the scene."""
 
 
@@ -19,7 +20,7 @@ class LiggghtsFailed(GpudemError):
     """LIGGGHTS stopped, was killed or produced NaN: its first ERROR line, the deck line and the log."""
 
 
-class LiggghtsTimeout(GpudemError):
+class LiggghtsTimeout(CodeTimeout):
     """LIGGGHTS did not end within the time allowed and was ended."""
 
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
+from comparisons.harness import codes as known
 from comparisons.harness.case import Case, Check, Figure, Measured, Table, Variant
-from comparisons.harness.codes import Code
 from comparisons.report import plots, render
 from gpudem.errors import GpudemError
 from gpudem.output.frames import FrameWriter
 from gpudem.output.run import Run, Timing
 from gpudem.scene import Scene
+from reference.code import Code
 
 SPEED, G = 1.0, 9.81
 
@@ -88,7 +91,7 @@ def code(name: str, error: float = 0.0, fails: str = "", speed: float = 1e6) -> 
         made.save()
         return made
 
-    return Code({"gpudem": "gpudem", "liggghts": "LIGGGHTS"}[name], run)
+    return dataclasses.replace(known.CODES[name], run=run)
 
 
 def codes(**changes) -> dict[str, Code]:
@@ -122,7 +125,7 @@ def case(name: str = "throw", tolerance: float = 1e-6, order: int = 10) -> Case:
         times = results["dt_1e-05", "gpudem"].trace["time"]
         heights = {c: results["dt_1e-05", c].trace["position"][:, 0, 2] for c in results.codes()}
         oracle = exact(scene(), times)[:, 0, 2]
-        differences = {f"{plots.NAMES[c]} - exact": h - oracle for c, h in heights.items()}
+        differences = {f"{plots.name(c)} - exact": h - oracle for c, h in heights.items()}
         return plots.overlay_difference(
             times,
             heights | {"oracle": oracle},
@@ -146,7 +149,7 @@ def case(name: str = "throw", tolerance: float = 1e-6, order: int = 10) -> Case:
         )
 
     def piles(results):
-        last = {f"{plots.NAMES[c]}, end": results["dt_1e-05", c] for c in results.codes()}
+        last = {f"{plots.name(c)}, end": results["dt_1e-05", c] for c in results.codes()}
         return render.side_by_side({title: (run.scene, run.frames[-1]) for title, run in last.items()})
 
     def table(results):

@@ -76,7 +76,7 @@ def test_run_reports_speed_and_where(here, capsys, monkeypatch):
         progress(scene.n_steps)
         return Run("gpudem", "0", scene, directory, Timing(1, scene.n_steps, 1e-4), warnings=["watch out"])
 
-    monkeypatch.setitem(codes.CODES, "gpudem", codes.Code("gpudem", run))
+    monkeypatch.setitem(codes.CODES, "gpudem", codes.Code("gpudem", "gpudem", run))
     assert cli.main(["run", "scene.toml", "--out", "r"]) == 0
     out, err = capsys.readouterr()
     assert "100 steps of 1 particles in 0.0001 s: 1 M particle-steps/s on cpu" in out
@@ -91,7 +91,7 @@ def test_run_interrupted(here, capsys, monkeypatch):
         progress(7)
         raise KeyboardInterrupt
 
-    monkeypatch.setitem(codes.CODES, "gpudem", codes.Code("gpudem", run))
+    monkeypatch.setitem(codes.CODES, "gpudem", codes.Code("gpudem", "gpudem", run))
     assert cli.main(["run", "scene.toml", "-q", "--out", "r"]) == 130
     assert capsys.readouterr().err == "interrupted at step 7\n"
     assert not (here / "r").exists(), "nothing was written: the folder does not block the next run"
@@ -196,7 +196,7 @@ def run(scene, directory, options, progress, extra):
     print("running", flush=True); time.sleep(60)
 made = fake.codes()
 codes.CODES["gpudem"] = made["gpudem"]
-codes.CODES["liggghts"] = codes.Code("LIGGGHTS", run)
+codes.CODES["liggghts"] = codes.Code("liggghts", "LIGGGHTS", run)
 discover.find_cases = lambda: [fake.case()]
 sys.exit(cli.main(["compare", "--out", "c", "-q"]))
 """

@@ -177,7 +177,7 @@ def test_a_failed_run_leaves_no_empty_folder_and_no_link(here, capsys, monkeypat
     def run(*arguments):
         raise GpudemError("not this scene")
 
-    monkeypatch.setitem(codes.CODES, "gpudem", codes.Code("gpudem", run))
+    monkeypatch.setitem(codes.CODES, "gpudem", codes.Code("gpudem", "gpudem", run))
     assert cli.main(["run", "scene.toml", "-q"]) == 3
     assert list((here / "runs").iterdir()) == []
     (here / "mine").mkdir()
@@ -197,7 +197,7 @@ def test_not_enough_memory(here, capsys, monkeypatch):
     def run(*arguments):
         raise MemoryError("Unable to allocate 3 TiB")
 
-    monkeypatch.setitem(codes.CODES, "gpudem", codes.Code("gpudem", run))
+    monkeypatch.setitem(codes.CODES, "gpudem", codes.Code("gpudem", "gpudem", run))
     assert cli.main(["run", "scene.toml", "-q", "--out", "r"]) == 3
     one_line(capsys.readouterr().err, "not enough memory: Unable to allocate 3 TiB")
 

@@ -127,7 +127,7 @@ def _pictures(results: Results) -> MatplotlibFigure:
             when = "at rest" if time is None else f"{dam.opening(run) + time:.1f} s"
             lo, (length, depth, _) = run.scene.domain.lo, run.scene.domain.hi
             box = Domain(lo=lo, hi=(length, depth, SEEN))  # the scene's is as high as its loose lattice
-            views[f"{plots.NAMES[code]}, {when}"] = (
+            views[f"{plots.name(code)}, {when}"] = (
                 SimpleNamespace(domain=box, planes=run.scene.planes),
                 frame,
             )
@@ -140,7 +140,7 @@ def _table(results: Results) -> pandas.DataFrame:
     rows = []
     for code in results.codes():
         run, bed = results[LABEL, code], dam.bed(results[LABEL, code])
-        row: dict[str, object] = {"by": plots.NAMES[code], "balls": len(run.scene.state)}
+        row: dict[str, object] = {"by": plots.name(code), "balls": len(run.scene.state)}
         row |= {"steps": run.timing.steps, "stepping [s]": run.timing.stepping_s, "cores": run.timing.cores}
         row |= {"column before [mm]": 1e3 * bed["height"], "time to the far wall [s]": dam.arrival(run)}
         rows_of = 1e3 * strips(results, code)

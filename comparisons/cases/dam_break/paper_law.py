@@ -176,7 +176,7 @@ def _figure(results: Results) -> MatplotlibFigure:
             time, energy = kinetic(results, label, code)
             dash = "-" if code == "gpudem" else (0, (4, 2))
             keep = time > 0
-            text = f"{name}, {plots.NAMES[code]}"
+            text = f"{name}, {plots.name(code)}"
             left.semilogy(time[keep], energy[keep], ls=dash, lw=1.2, color=plots.SERIES[k], label=text)
             heights = dam.heights(results, label, code, dam.PROFILE_AT)
             right.plot(1e3 * dam.PROFILE_AT, 1e3 * heights, ls=dash, lw=1.2, color=plots.SERIES[k])

@@ -283,7 +283,7 @@ def _table(results: Results) -> pandas.DataFrame:
             for code, values in found.items():
                 against = float(values.mean() / found[HARD].mean() - 1)
                 mean, spread = float(values.mean()), float(values.std(ddof=1))
-                rows.append((KINDS[kind], name, plots.NAMES[code], len(values), mean, spread, against))
+                rows.append((KINDS[kind], name, plots.name(code), len(values), mean, spread, against))
     columns = ["e [1]", "quantity / energy at the start", "by", "seeds", "mean", "of a seed", "against hard"]
     return pandas.DataFrame(rows, columns=columns)
 
@@ -351,7 +351,7 @@ CASE = Case(
             Check(
                 name=f"{kind}: energy and height late in the run, {name} / allowed ({a})",
                 measure=lambda results, kind=kind, a=a, b=b: worst(results, kind, a, b),
-                tolerance=1.0, unit="1", against=plots.NAMES[b], mark="X", needs=ALL,
+                tolerance=1.0, unit="1", against=plots.name(b), mark="X", needs=ALL,
                 tiers=("quick", "standard", "full") if kind == "lossy" else ("standard", "full"),
                 reason=f"{engines.SIGMAS:g} standard errors over the seeds"
                 + (f", and one way {SOFT_REASON}" if b == HARD else "; same law, same softness"),

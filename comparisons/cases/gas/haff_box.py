@@ -225,7 +225,7 @@ def _table(results: Results) -> pandas.DataFrame:
 
     found = samples(results)
     rows = [
-        (plots.NAMES[code], float(t.mean()), float(t.std(ddof=1)), float(t.mean() / found[HARD].mean() - 1))
+        (plots.name(code), float(t.mean()), float(t.std(ddof=1)), float(t.mean() / found[HARD].mean() - 1))
         for code, t in found.items()
     ]
     columns = ["by", "d(T^-1/2)/dt [1/m]", "standard deviation of a seed [1/m]", "against event-driven [1]"]

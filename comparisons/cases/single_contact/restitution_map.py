@@ -103,7 +103,7 @@ def _constant(results: Results) -> MatplotlibFigure:
             for code in results.codes(name):
                 got = grid.rebounds(results[name, code])
                 style = {"marker": "o", "mfc": "none", "ms": 8} if code != "gpudem" else {"marker": mark}
-                who = plots.NAMES[code]
+                who = plots.name(code)
                 for j in (0, -1):
                     axes[0].plot(
                         grid.RESTITUTIONS, got[:, j], color=color, ls="none", label=f"{who} {law}, {text}",
