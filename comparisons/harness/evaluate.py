@@ -20,8 +20,9 @@ class RunFailed(GpudemError):
 
 
 class Runs(dict[Key, Run]):
-    """The runs of a case. Asking for one that failed or is missing raises, and so does asking for all where one
-    failed or its code is not on this machine: no shorter result. What a code cannot be given is left out.
+    """The runs of a case. Asking for one that failed or is missing raises, and so does asking for all.
+
+    No result is made from fewer runs than it needs; only what a code cannot be given is left out of all.
     """
 
     def __init__(
