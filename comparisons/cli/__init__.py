@@ -253,9 +253,9 @@ def bench(arguments: tuple[str, ...]) -> int:
 @app.command()
 def info() -> int:
     """Versions, devices, the LIGGGHTS binary, rendering."""
-    from comparisons.cli import info as cli_info
+    from comparisons.cli import machine
 
-    return cli_info.show()
+    return machine.show()
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -72,7 +72,7 @@ def test_a_variant_may_end_early(tmp_path, fake_codes, monkeypatch):
     comparison = run(tmp_path / "one", case)
     assert comparison.exit_code() == 0
     assert {(r.code, r.status) for r in comparison.runs} == {("gpudem", "ok"), ("liggghts", "ended")}
-    monkeypatch.setattr(execute, "AWAY", (GpudemError,))
+    monkeypatch.setattr(execute, "NO_ANSWER", (GpudemError,))
     assert run(tmp_path / "two", case).exit_code() == 3
 
 
