@@ -1,11 +1,11 @@
-"""Cases as data: Case = scenes + checks + figures + prose; Check = measure, tolerance, reason."""
+"""Cases as data: Case = scenes + checks + findings + figures + prose; Check = measure, tolerance, reason."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 from comparisons.harness import codes as registry
 from gpudem.errors import GpudemError
@@ -42,6 +42,7 @@ class Variant:
     variant of gpudem's."""
     options: dict[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
     """Keyword arguments of a code's run function, by code: {"liggghts": {"ranks": 2}}."""
+    _: dataclasses.KW_ONLY
     open: bool = False
     """A scene of the user: a code that cannot be given it is left out; of a scene of ours, it is an error."""
     may_end: bool = False
@@ -147,18 +148,42 @@ class Check:
 
 
 @dataclasses.dataclass(frozen=True)
-class PerCode:
-    """The same checks for each code at hand that advances a scene step by step."""
+class Finding:
+    """A number that is worth knowing and that no tolerance can judge: shown, never passed, failed or counted.
 
-    make: Callable[[str], Check | tuple[Check, ...]]
+    For timings, for what a reference code does, and for results of earlier runs. What must hold is a `Check`.
+    """
+
+    name: str
+    """Quantity in words, with the norm."""
+    measure: Callable[[Results], Measured | float]
+    unit: str
+    sentence: str
+    """What the number says to the reader, in one sentence."""
+    needs: tuple[str, ...] = ("gpudem",)
+    """Codes whose runs it reads; left out, and said so, where one is not selected."""
+    tiers: tuple[Tier, ...] = TIERS
+
+
+#: What a case lists, or has made for each code or pair of codes.
+Item = TypeVar("Item", Check, Finding)
+
+
+@dataclasses.dataclass(frozen=True)
+class PerCode(Generic[Item]):
+    """The same checks or findings for each code at hand that advances a scene step by step."""
+
+    make: Callable[[str], Item | tuple[Item, ...]]
     """Name of a code -> its checks; their names hold the code's name, `needs` is that code."""
 
 
 @dataclasses.dataclass(frozen=True)
-class PerPair:
-    """The same checks for each code under test and the code that it is compared with (`codes.pairs`)."""
+class PerPair(Generic[Item]):
+    """The same checks or findings for each code under test and the code that it is compared with
+    (`codes.pairs`).
+    """
 
-    make: Callable[[str, str], Check | tuple[Check, ...]]
+    make: Callable[[str, str], Item | tuple[Item, ...]]
     """(code under test, the other) -> checks, `needs` both. The name of the pair is added to those of pairs
     that are not gpudem and a reference."""
 
@@ -203,9 +228,11 @@ class Case:
     source: str
     """Where set-up and expected values come from."""
     variants: Callable[[Tier], list[Variant]]
-    checks: tuple[Check | PerCode | PerPair, ...]
+    checks: tuple[Check | PerCode[Check] | PerPair[Check], ...]
     figures: tuple[Figure, ...] = ()
     tables: tuple[Table, ...] = ()
+    findings: tuple[Finding | PerCode[Finding] | PerPair[Finding], ...] = ()
+    """What was found that cannot fail: shown in a list of its own."""
     features: tuple[str, ...] = ()
     """Rows of the coverage matrix: "normal hertz", "tangential history", "wall plane", ..."""
     order: int = 100
@@ -214,12 +241,21 @@ class Case:
 
     def checks_of(self, tier: Tier, selected: Sequence[str] | None = None) -> list[Check]:
         """The checks of a tier in order, made for the selected codes (all that are known if None)."""
-        chosen = tuple(registry.CODES) if selected is None else tuple(selected)
-        made = [check for item in self.checks for check in _expand(item, chosen)]
-        return [check for check in made if tier in check.tiers]
+        return _made(self.checks, tier, selected)
+
+    def findings_of(self, tier: Tier, selected: Sequence[str] | None = None) -> list[Finding]:
+        """The findings of a tier in order, made like the checks."""
+        return _made(self.findings, tier, selected)
 
 
-def _expand(item: Check | PerCode | PerPair, selected: tuple[str, ...]) -> Iterator[Check]:
+def _made(
+    listed: Sequence[Item | PerCode[Item] | PerPair[Item]], tier: Tier, selected: Sequence[str] | None
+) -> list[Item]:
+    chosen = tuple(registry.CODES) if selected is None else tuple(selected)
+    return [item for entry in listed for item in _expand(entry, chosen) if tier in item.tiers]
+
+
+def _expand(item: Item | PerCode[Item] | PerPair[Item], selected: tuple[str, ...]) -> Iterator[Item]:
     if isinstance(item, PerCode):
         for code in registry.stepped(selected):
             yield from _several(item.make(code))
@@ -227,11 +263,11 @@ def _expand(item: Check | PerCode | PerPair, selected: tuple[str, ...]) -> Itera
         for code, other in registry.pairs(selected):
             usual = code == "gpudem" and registry.CODES[other].role == "reference"
             names = "" if usual else f" ({registry.title(code)} against {registry.title(other)})"
-            for check in _several(item.make(code, other)):
-                yield dataclasses.replace(check, name=check.name + names)
+            for made in _several(item.make(code, other)):
+                yield dataclasses.replace(made, name=made.name + names)
     else:
         yield item
 
 
-def _several(made: Check | tuple[Check, ...]) -> tuple[Check, ...]:
+def _several(made: Item | tuple[Item, ...]) -> tuple[Item, ...]:
     return made if isinstance(made, tuple) else (made,)

@@ -1,4 +1,4 @@
-"""Checks, figures and tables of a case evaluated on its runs; what fails becomes a result that says so."""
+"""Checks, findings, figures and tables of a case, evaluated on its runs; a failure becomes a result."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from comparisons.harness import codes
-from comparisons.harness.case import Case, Check, Figure, Measured, Results, Table, Tier, Unmeasured
-from comparisons.harness.results import Artefact, CheckResult, Status
+from comparisons.harness.case import Case, Check, Figure, Finding, Measured, Results, Table, Tier, Unmeasured
+from comparisons.harness.results import Artefact, CheckResult, FindingResult, Status
 from gpudem.errors import GpudemError
 from gpudem.output.run import Run
 
@@ -77,21 +77,36 @@ class Evaluation:
 
     def check(self, check: Check) -> CheckResult:
         """Evaluate one check; an exception becomes an error result with its message."""
-        found: dict[str, Any] = {}
-        status, why = self._missing(check)
-        if not status:
-            try:
-                measured = check.measure(self._results(check.needs))
-                if not isinstance(measured, Measured):
-                    measured = Measured(float(measured))
-                found = {k: _number(getattr(measured, k)) for k in ("value", "measured", "expected")}
-                found["note"] = measured.note
-                status = "pass" if holds(check, found["value"]) else "fail"
-            except Unmeasured as error:
-                status, why = "left_out", str(error)
-            except Exception as error:
-                status, why = "error", describe(error)
+        status, why, found = self._measure(check)
+        if status == "ok":
+            status = "pass" if holds(check, found["value"]) else "fail"
         return outcome(self.case, check, status, why, **found)
+
+    def finding(self, finding: Finding) -> FindingResult:
+        """Measure one finding; an exception becomes an error result with its message."""
+        status, why, found = self._measure(finding)
+        kept = {k: v for k, v in found.items() if k in ("value", "note")}
+        return FindingResult(
+            self.case.name, finding.name, status, finding.unit, finding.sentence, finding.needs, why, **kept
+        )
+
+    def _measure(self, item: Check | Finding) -> tuple[Any, str, dict[str, Any]]:
+        """("ok", "left_out" or "error", why it is not ok, the numbers and the note)."""
+        status, why = self._missing(item)
+        if status:
+            return status, why, {}
+        try:
+            measured = item.measure(self._results(item.needs))
+            if not isinstance(measured, Measured):
+                measured = Measured(float(measured))
+            found: dict[str, Any] = {
+                k: _number(getattr(measured, k)) for k in ("value", "measured", "expected")
+            }
+            return "ok", "", {**found, "note": measured.note}
+        except Unmeasured as error:
+            return "left_out", str(error), {}
+        except Exception as error:
+            return "error", describe(error), {}
 
     def figure(self, figure: Figure, root: Path, number: int) -> Artefact:
         """Draw one figure into <case>/figures/."""
@@ -136,7 +151,7 @@ class Evaluation:
         )
         return Results(self.tier, Runs(self.runs, failed, absent, self.unstated), self._cache, self.ended)
 
-    def _missing(self, item: Check | Figure | Table) -> tuple[Any, str]:
+    def _missing(self, item: Check | Finding | Figure | Table) -> tuple[Any, str]:
         away = [code for code in item.needs if code not in self.selected]
         if away:
             return "left_out", f"needs {', '.join(map(codes.title, away))}, which was not selected"

@@ -13,7 +13,14 @@ from comparisons.harness import codes, provenance, recorded_cases, setup_table
 from comparisons.harness.case import Case, Tier, Variant
 from comparisons.harness.evaluate import Evaluation, describe, outcome
 from comparisons.harness.progress import Reporter, duration
-from comparisons.harness.results import CaseResult, CheckResult, Comparison, RunResult, TimingResult
+from comparisons.harness.results import (
+    CaseResult,
+    CheckResult,
+    Comparison,
+    FindingResult,
+    RunResult,
+    TimingResult,
+)  # fmt: skip
 from comparisons.report import junit
 from comparisons.report import page as report
 from gpudem.errors import GpudemError
@@ -112,7 +119,9 @@ class Session:
         self.write()
 
     def run_case(self, case: Case) -> list[CheckResult]:
-        """All variants through all selected codes, then checks, figures and tables; the page is rewritten."""
+        """All variants through all selected codes, then checks, findings, figures and tables; the page is
+        rewritten.
+        """
         began, evaluation = time.monotonic(), Evaluation(case, self.tier, self.selected)
         result = _blank(case, self.tier)
         try:
@@ -126,12 +135,14 @@ class Session:
             result = dataclasses.replace(result, status="error", why=describe(error))
         checks = self._checks(evaluation, result)
         self.comparison.checks += checks
+        findings = [evaluation.finding(f) for f in case.findings_of(self.tier, self.selected)]
+        self.comparison.findings += findings
         figures = [f for f in case.figures if self.tier in f.tiers]
         tables = [t for t in case.tables if self.tier in t.tiers]
         result.artefacts[:] = [evaluation.figure(f, self.directory, k) for k, f in enumerate(figures, 1)]
         result.artefacts.extend(evaluation.table(t, self.directory, k) for k, t in enumerate(tables, 1))
         self._replace(dataclasses.replace(result, wall_s=time.monotonic() - began))
-        self._say(result, checks, time.monotonic() - began)
+        self._say(result, checks, findings, time.monotonic() - began)
         self.write()
         return checks
 
@@ -222,7 +233,9 @@ class Session:
         cases = self.comparison.cases
         cases[[c.name for c in cases].index(result.name)] = result
 
-    def _say(self, result: CaseResult, checks: list[CheckResult], seconds: float) -> None:
+    def _say(
+        self, result: CaseResult, checks: list[CheckResult], findings: list[FindingResult], seconds: float
+    ) -> None:
         held = sum(c.status == "pass" for c in checks)
         self.reporter.say(f"  {held} of {len(checks)} checks hold, {duration(seconds)}")
         if result.status == "error":
@@ -231,6 +244,9 @@ class Session:
         for item in result.artefacts:
             if item.status == "error":
                 self.reporter.say(f"  ERROR {item.kind} {item.title!r}: {item.why}")
+        for finding in findings:
+            if finding.status == "error":
+                self.reporter.say(f"  ERROR finding {finding.name!r}: {finding.why}")
         for check in checks:
             if check.status in ("fail", "error"):
                 self.reporter.say(f"  {check.status.upper()} {check.name}: {check.verdict}")

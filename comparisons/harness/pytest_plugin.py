@@ -21,7 +21,7 @@ from comparisons.harness.case import TIERS, Tier
 from comparisons.harness.discover import find_cases
 from comparisons.harness.results import CheckResult
 
-#: The test of a case beside its checks: that it ran, and that its figures and tables could be made.
+#: The test of a case beside its checks: that it ran, and that its figures, tables and findings could be made.
 WHOLE = "runs and is shown"
 #: Name under which a worker of pytest-xdist says where its report is.
 REPORT = "gpudem_report"
@@ -74,9 +74,12 @@ class Harness:
 
     def _whole(self, case: str) -> None:
         assert self.session is not None
-        result = next(c for c in self.session.comparison.cases if c.name == case)
+        comparison = self.session.comparison
+        result = next(c for c in comparison.cases if c.name == case)
         wrong = [result.why] if result.status == "error" else []
         wrong += [f"{a.kind} {a.title!r}: {a.why}" for a in result.artefacts if a.status == "error"]
+        mine = [f for f in comparison.findings if f.case == case and f.status == "error"]
+        wrong += [f"finding {f.name!r}: {f.why}" for f in mine]
         if wrong:
             pytest.fail("\n".join(wrong), pytrace=False)
 

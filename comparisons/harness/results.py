@@ -78,6 +78,22 @@ class CheckResult:
 
 
 @dataclasses.dataclass(frozen=True)
+class FindingResult:
+    """One finding: a number and what it says; neither passed nor failed."""
+
+    case: str
+    name: str
+    status: Literal["ok", "error", "left_out"]
+    unit: str
+    sentence: str
+    needs: tuple[str, ...]
+    why: str = ""
+    """Why it is an error or was left out."""
+    value: float | None = None
+    note: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
 class TimingResult:
     """Where the wall-clock time of one run went, and on what. Times in seconds of wall clock."""
 
@@ -154,13 +170,16 @@ class Recorded:
     checks: list[CheckResult]
     artefacts: list[Artefact] = dataclasses.field(default_factory=list)
     """Figures and tables kept beside it, files relative to the folder of the records."""
+    findings: list[FindingResult] = dataclasses.field(default_factory=list)
 
     __pydantic_config__ = ConfigDict(ser_json_inf_nan="strings")
 
 
 @dataclasses.dataclass(frozen=True)
 class CaseResult:
-    """One case: prose, set-up, artefacts. Checks, runs and timings stand in the lists of the comparison."""
+    """One case: prose, set-up, artefacts. Checks, findings, runs and timings stand in the lists of the
+    comparison.
+    """
 
     name: str
     title: str
@@ -192,6 +211,7 @@ class Comparison:
     provenance: dict[str, Any]
     cases: list[CaseResult]
     checks: list[CheckResult] = dataclasses.field(default_factory=list)
+    findings: list[FindingResult] = dataclasses.field(default_factory=list)
     timings: list[TimingResult] = dataclasses.field(default_factory=list)
     runs: list[RunResult] = dataclasses.field(default_factory=list)
     wall_s: float = 0.0
@@ -205,8 +225,9 @@ class Comparison:
         return {s: sum(c.status == s for c in self.checks) for s in ("pass", "fail", "error", "left_out")}
 
     def broken(self) -> list[str]:
-        """What went wrong outside the checks: cases, figures and tables that could not be made."""
+        """What went wrong outside the checks: cases, figures, tables and findings that could not be made."""
         found = [f"case {c.name}: {c.why}" for c in self.cases if c.status == "error"]
+        found += [f"finding {f.name!r} of {f.case}: {f.why}" for f in self.findings if f.status == "error"]
         return found + [
             f"{a.kind} {a.title!r} of {c.name}: {a.why}"
             for c in self.cases

@@ -11,7 +11,14 @@ from pathlib import Path
 
 from comparisons.harness import codes
 from comparisons.harness.numbers import DASH, MINUS, number
-from comparisons.harness.results import CaseResult, CheckResult, Comparison, RunResult, TimingResult
+from comparisons.harness.results import (
+    CaseResult,
+    CheckResult,
+    Comparison,
+    FindingResult,
+    RunResult,
+    TimingResult,
+)  # fmt: skip
 
 #: The ratio axis: value / tolerance from 10^LOW to 10^HIGH.
 LOW, HIGH = -8, 2
@@ -73,7 +80,7 @@ class View:
         bad = [f"{n['fail']} fail"] * (n["fail"] > 0) + [f"{n['error']} could not be evaluated"] * (
             n["error"] > 0
         )
-        bad += [f"{len(c.broken())} case, figure or table broken"] * bool(c.broken())
+        bad += [f"{len(c.broken())} case, figure, table or finding broken"] * bool(c.broken())
         if bad:
             return "fail", f"{n['pass']} of {judged} checks hold; {', '.join(bad)}"
         if c.state == "interrupted":
@@ -167,6 +174,10 @@ class View:
         """Timings of a case."""
         return [t for t in self.comparison.timings if t.case == case]
 
+    def findings_of(self, case: str) -> list[FindingResult]:
+        """Findings of a case in their own order."""
+        return [f for f in self.comparison.findings if f.case == case]
+
     def runs_of(self, case: str) -> list[RunResult]:
         """Runs of a case."""
         return [r for r in self.comparison.runs if r.case == case]
@@ -193,7 +204,8 @@ class View:
 
     def status_of(self, case: CaseResult) -> str:
         """Worst status of a case: for its colour and word."""
-        statuses = {c.status for c in self.checks_of(case.name)} | {a.status for a in case.artefacts} - {"ok"}
+        shown = [*case.artefacts, *self.findings_of(case.name)]
+        statuses = {c.status for c in self.checks_of(case.name)} | {a.status for a in shown} - {"ok"}
         if case.status == "error" or "error" in statuses:
             return "error"
         if "fail" in statuses:

@@ -119,7 +119,7 @@ def variants(tier: Tier) -> list[Variant]:
     def add(label: str, scene: Scene, who: tuple[str, ...], may_end: bool = False) -> None:
         for name in who:
             suffix, code, arguments = WHO[name]
-            made.append(Variant(f"{label}-{suffix}", scene, (code,), {code: arguments}, may_end))
+            made.append(Variant(f"{label}-{suffix}", scene, (code,), {code: arguments}, may_end=may_end))
 
     for normal in LAWS[tier]:
         for kind, (scene, _) in ladders(tier, normal).items():
