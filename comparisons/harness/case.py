@@ -39,7 +39,7 @@ class Variant:
     scene: Scene
     codes: tuple[str, ...] | None = None
     """Codes that run it; None: each that advances a scene step by step. A code that a user brought runs every
-    variant of gpudem's."""
+    variant of gpudem's for which gpudem has no options."""
     options: dict[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
     """Keyword arguments of a code's run function, by code: {"liggghts": {"ranks": 2}}."""
     _: dataclasses.KW_ONLY
@@ -58,7 +58,8 @@ class Variant:
     def codes_of(self, selected: Sequence[str]) -> tuple[str, ...]:
         """Those of the selected codes that run it, in order."""
         named = registry.stepped(tuple(registry.CODES)) if self.codes is None else self.codes
-        own = [code for code in selected if registry.brought(code)] if "gpudem" in named else []
+        plain = "gpudem" in named and "gpudem" not in self.options
+        own = [code for code in selected if registry.brought(code)] if plain else []
         return tuple(code for code in dict.fromkeys([*named, *own]) if code in selected)
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from comparisons.harness import codes
+from comparisons.metrics.trace import observed_order
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -180,11 +181,6 @@ def overlay_difference(
 def _code_color(label: str) -> str | None:
     """The colour of the code that a label starts with."""
     return next((color(who) for who in codes.CODES if label.startswith((who, name(who)))), None)
-
-
-def observed_order(steps: Any, errors: Any) -> float:
-    """Slope of log(error) against log(step), least squares over all points."""
-    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
 
 
 def convergence(

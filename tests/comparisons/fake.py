@@ -8,6 +8,7 @@ import numpy as np
 
 from comparisons.harness import codes as known
 from comparisons.harness.case import Case, Check, Figure, Measured, Table, Variant
+from comparisons.metrics.trace import observed_order
 from comparisons.report import plots, render
 from gpudem.errors import GpudemError
 from gpudem.output.frames import FrameWriter
@@ -186,7 +187,7 @@ def case(name: str = "throw", tolerance: float = 1e-6, order: int = 10) -> Case:
             Check("apex", apex, 1e-3, "m", "closed form", "A", "output interval", "gravity of 10"),
             Check(
                 "order of convergence",
-                lambda r: plots.observed_order(list(labels.values()), errors(r, "gpudem")),
+                lambda r: observed_order(list(labels.values()), errors(r, "gpudem")),
                 1.2,
                 "1",
                 "closed form",

@@ -156,11 +156,6 @@ def test_dense_figures_stay_small():
     assert len(svg.of(fig, "dense")) < 400_000
 
 
-def test_observed_order():
-    steps = np.array([4.0, 2.0, 1.0])
-    assert plots.observed_order(steps, 3 * steps**2) == pytest.approx(2.0)
-
-
 def test_setup_names_what_differs_between_variants():
     rows = {name: value for name, value, _ in setup_table.rows([fake.scene(1e-5), fake.scene(2e-5)])}
     assert rows["time step"] == "10⁻⁵; 2·10⁻⁵"

@@ -12,6 +12,7 @@ from comparisons.cases.liggghts_findings.checks import FLOW, OURS, THEIRS
 from comparisons.cases.single_contact.checks import ladder
 from comparisons.harness.case import Results
 from comparisons.harness.numbers import number
+from comparisons.metrics.trace import observed_order
 from comparisons.report import plots
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ def half_step(results: Results) -> Figure:
         labels = ladder(results, prefix)
         steps = [results[label_, code].scene.time.step for label_ in labels]
         found = [findings_checks.impact_error(results, label_, code) for label_ in labels]
-        order = plots.observed_order(steps, found)
+        order = observed_order(steps, found)
         style = plots.style(code, label=f"{label}, order {order:.2f}")
         if prefix == "path_dt_":
             style |= {"color": plots.SERIES[2], "marker": "s", "markersize": 4.5}
