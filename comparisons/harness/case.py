@@ -77,9 +77,15 @@ class Results:
     def __getitem__(self, key: tuple[str, str]) -> Run:
         return self.runs[key]
 
-    def labels(self, code: str | None = None) -> list[str]:
-        """Variant labels in order, all or those that a code ran."""
-        return list(dict.fromkeys(label for label, c in self.runs if code in (None, c)))
+    def labels(self, *codes: str, prefix: str = "") -> list[str]:
+        """Variant labels in order that start with `prefix`: all, or those that each of the codes ran."""
+        labels = dict.fromkeys(label for label, _ in self.runs if label.startswith(prefix))
+        return [label for label in labels if all((label, code) in self.runs for code in codes)]
+
+    def finest(self, prefix: str = "") -> str:
+        """Label of the variant with the smallest time step among those that start with `prefix`."""
+        steps = {lab: run.scene.time.step for (lab, _), run in self.runs.items() if lab.startswith(prefix)}
+        return min(steps, key=lambda label: steps[label])
 
     def codes(self, label: str | None = None) -> list[str]:
         """Codes that ran, all or for one variant."""
@@ -105,6 +111,11 @@ class Measured:
     """The quantity itself, where the check is about one number: contact time, restitution, ..."""
     expected: float | None = None
     note: str = ""
+
+
+def relative(got: float, wanted: float) -> Measured:
+    """Relative error |got/wanted - 1|, with both."""
+    return Measured(abs(got / wanted - 1), got, wanted)
 
 
 def largest(found: Mapping[str, float | Measured], note: str = "") -> Measured:

@@ -52,7 +52,7 @@ def failures(case: Case, change: Callable[[Scene], Scene]) -> list[str]:
         run = driver.simulate(change(variant.scene))
         runs[variant.label, "gpudem"] = dataclasses.replace(run, scene=variant.scene)
     results, failed = Results("quick", runs), []
-    for check in case.checks:
+    for check in case.checks_of("quick", ("gpudem",)):
         if check.needs == ("gpudem",):
             found = check.measure(results)
             value = found if isinstance(found, float) else found.value

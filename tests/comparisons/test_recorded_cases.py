@@ -125,6 +125,6 @@ def test_what_the_project_keeps_is_of_its_cases():
     for path in recorded_cases.FOLDER.glob("*.json"):
         recorded = recorded_cases.find(path.stem)
         assert recorded is not None
-        names = {check.name for check in cases[path.stem].checks if "full" in check.tiers}
+        names = {check.name for check in cases[path.stem].checks_of("full")}
         assert {check.name for check in recorded.checks} <= names, path.stem
         assert json.loads(path.read_text())["provenance"]["commit"] != "unknown"

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from comparisons.cases.chung_ooi.scenes import Ball, Test, published
-from comparisons.cases.single_contact.checks import CODES, finest, ladder, step_of
+from comparisons.cases.single_contact.checks import CODES
 from comparisons.cases.single_contact.meetings import exact, overlap
 from comparisons.harness.case import Check, Measured, Results, Tier
 from comparisons.metrics import trace as measure
@@ -69,7 +69,7 @@ def against_ode(
     """Per code: largest final error at the finest step, one check a tier, and what refinement makes of it."""
 
     def worst(results: Results, code: str) -> Measured:
-        found = final_errors(results, results[finest(results, prefix), code], test)
+        found = final_errors(results, results[results.finest(prefix), code], test)
         k = int(np.argmax(found))
         return Measured(
             float(found[k]), note=f"{len(found)} impacts; largest at {test.balls[k].what},"
@@ -77,8 +77,8 @@ def against_ode(
         )  # fmt: skip
 
     def slope(results: Results, code: str) -> Measured:
-        labels = ladder(results, prefix)
-        steps = [step_of(results, label) for label in labels]
+        labels = results.labels(prefix=prefix)
+        steps = [results[label, code].scene.time.step for label in labels]
         errors = [float(np.mean(final_errors(results, results[label, code], test))) for label in labels]
         return Measured(
             measure.observed_order(steps, errors),
@@ -169,7 +169,7 @@ def against_published(
     """
 
     def value(results: Results, code: str) -> Measured:
-        got = outcome(results[finest(results, prefix), code], test)
+        got = outcome(results[results.finest(prefix), code], test)
         found = {}
         for material, column in columns.items():
             points = np.array(published()[table][column])
@@ -196,7 +196,7 @@ def sliding(results: Results, code: str, test: Test, prefix: str) -> dict[str, t
 
     e is the restitution that comes out: with `limit_force` it is larger than the one put in.
     """
-    run = results[finest(results, prefix), code]
+    run = results[results.finest(prefix), code]
     found = {}
     for b, row in zip(test.balls, outcome(run, test), strict=True):
         e = closed_forms.restitution(test.bodies(b), run.scene.contact.limit_force)

@@ -10,7 +10,7 @@ import numpy as np
 from comparisons.cases.chung_ooi import figures
 from comparisons.cases.chung_ooi.checks import against_ode, against_published, coulomb
 from comparisons.cases.chung_ooi.scenes import T6, T6_CORRECTED, T7, Test
-from comparisons.cases.single_contact.checks import CODES, ladder, step_by_step
+from comparisons.cases.single_contact.checks import CODES, step_by_step
 from comparisons.cases.single_contact.meetings import relative_velocity
 from comparisons.harness.case import Case, Check, Measured, Results, Tier, Variant
 from gpudem.scene import Contact
@@ -56,7 +56,7 @@ def _slow(checks: tuple[Check, ...]) -> Iterator[Check]:
 def _identity(results: Results, code: str) -> Measured:
     """Largest change of R x spin, velocity across the normal, by the surfaces' speed; NaN unless all part."""
     worst, count = 0.0, 0
-    for label in ladder(results, "T7_"):
+    for label in results.labels(prefix="T7_"):
         run = results[label, code]
         for k, (m, b) in enumerate(zip(T7.meetings(), T7.balls, strict=True)):
             n, _, axis = T7.axes(k)
@@ -73,7 +73,9 @@ def _identity(results: Results, code: str) -> Measured:
 
 
 def _restitution(results: Results, code: str) -> Measured:
-    run = results[max(ladder(results, "T7_"), key=lambda label: results[label, code].scene.n_steps), code]
+    run = results[
+        max(results.labels(prefix="T7_"), key=lambda label: results[label, code].scene.n_steps), code
+    ]
     out = [
         float(-(u[-1] @ n) / (u[0] @ n))
         for k, m in enumerate(T7.meetings())

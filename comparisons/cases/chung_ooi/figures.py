@@ -10,7 +10,7 @@ import numpy as np
 from comparisons.cases.chung_ooi.checks import curve, exact_outcome, outcome
 from comparisons.cases.chung_ooi.normal_checks import force_history
 from comparisons.cases.chung_ooi.scenes import Test, published
-from comparisons.cases.single_contact.checks import CODES, finest, ladder
+from comparisons.cases.single_contact.checks import CODES
 from comparisons.cases.single_contact.meetings import exact
 from comparisons.harness.case import Figure, Results, Table
 from comparisons.report import plots
@@ -30,7 +30,7 @@ def force(test: Test, prefix: str, table: str) -> Figure:
 
     def draw(results: Results) -> MatplotlibFigure:
         figure, axes = plots.figure(1, 2, width=plots.WHOLE, height=3.4)
-        label = finest(results, prefix)
+        label = results.finest(prefix)
         for code in results.codes(label):
             run = results[label, code]
             for k, _ in enumerate(test.balls):
@@ -80,7 +80,7 @@ def restitution(test: Test, prefix: str) -> Figure:
 
     def draw(results: Results) -> MatplotlibFigure:
         figure, (top, low) = plots.figure(2, 1, height=4.6, sharex=True, height_ratios=(1.5, 1))
-        label = finest(results, prefix)
+        label = results.finest(prefix)
         put_in = np.array([b.restitution for b in test.balls])
         top.plot((0, 1), (0, 1), **plots.style("oracle", label="e out = e in"))
         for code in results.codes(label):
@@ -115,7 +115,7 @@ def curves(
     def draw(results: Results) -> MatplotlibFigure:
         n = len(quantities)
         figure, axes = plots.figure(1, n, width=plots.WHOLE, height=3.6, squeeze=False)
-        label = finest(results, prefix)
+        label = results.finest(prefix)
         codes = results.codes(label)
         truth = exact_outcome(results, results[label, codes[0]], test)
         for ax, (quantity, (table, xlabel, ylabel)) in zip(axes[0], quantities.items(), strict=True):
@@ -153,9 +153,9 @@ def options(tests: dict[str, tuple[Test, str]], material: str, quantity: str, ta
     def draw(results: Results) -> MatplotlibFigure:
         figure, axes = plots.figure(width=plots.WHOLE, height=4.2)
         for k, (prefix, (test, name)) in enumerate(tests.items()):
-            if not ladder(results, prefix):
+            if not results.labels(prefix=prefix):
                 continue
-            label = finest(results, prefix)
+            label = results.finest(prefix)
             codes, color = results.codes(label), plots.SERIES[k]
             truth = exact_outcome(results, results[label, codes[0]], test)
             axes.semilogx(*curve(test, truth, material, quantity), color=color, lw=1.2, label=name)
@@ -190,7 +190,7 @@ def finals_table(test: Test, prefix: str) -> Table:
     def make(results: Results) -> pandas.DataFrame:
         import pandas
 
-        label = finest(results, prefix)
+        label = results.finest(prefix)
         codes = results.codes(label)
         columns = {"exact": exact_outcome(results, results[label, codes[0]], test)}
         columns |= {code: outcome(results[label, code], test) for code in codes}

@@ -8,7 +8,7 @@ import numpy as np
 
 from comparisons.cases.chung_ooi.checks import PAPER, distance
 from comparisons.cases.chung_ooi.scenes import Test, published
-from comparisons.cases.single_contact.checks import CODES, finest
+from comparisons.cases.single_contact.checks import CODES
 from comparisons.cases.single_contact.meetings import exact, overlap
 from comparisons.harness.case import Check, Measured, Results
 from gpudem.output.run import Run
@@ -29,7 +29,7 @@ def force_curves(
     """Per code: F against Hertz' at its own overlap; F(t), F(overlap) against the paper's points."""
 
     def hertz(results: Results, code: str) -> Measured:
-        run, found = results[finest(results, prefix), code], []
+        run, found = results[results.finest(prefix), code], []
         for k, b in enumerate(test.balls):
             _, deep, force = force_history(results, run, test, k)
             want = test.bodies(b).normal_constant * np.maximum(deep, 0.0) ** 1.5
@@ -37,7 +37,7 @@ def force_curves(
         return Measured(max(found), note=", ".join(b.what for b in test.balls))
 
     def paper(results: Results, code: str, against: str) -> Measured:
-        time, deep, force = force_history(results, results[finest(results, prefix), code], test, 0)
+        time, deep, force = force_history(results, results[results.finest(prefix), code], test, 0)
         points = np.array(published()[f"T{test.number}_{table}_force_{against}"]["data"])
         x = 1e6 * (time if against == "time" else deep)
         inside = (deep > 0) & ((against == "time") | (np.arange(len(x)) <= np.argmax(deep)))
@@ -78,7 +78,7 @@ def momentum(test: Test, prefix: str) -> tuple[Check, ...]:
     """Per code: momentum of each pair, largest at any step, by what one sphere brings."""
 
     def value(results: Results, code: str) -> float:
-        run, found = results[finest(results, prefix), code], []
+        run, found = results[results.finest(prefix), code], []
         for m, b in zip(test.meetings(), test.balls, strict=True):
             total = run.trace["velocity"][:, m.rows].sum(axis=1)  # equal masses
             found.append(float(np.linalg.norm(total, axis=1).max() / b.normal))

@@ -9,7 +9,7 @@ import numpy as np
 from comparisons.cases.dam_break import checks as dam_checks
 from comparisons.cases.dam_break import paper_scenes as paper_law
 from comparisons.cases.dam_break import scenes as dam
-from comparisons.cases.single_contact.checks import CODES, finest, step_by_step
+from comparisons.cases.single_contact.checks import CODES, step_by_step
 from comparisons.cases.single_contact.meetings import Meeting, overlap, relative_velocity
 from comparisons.harness.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.metrics import pile
@@ -46,7 +46,7 @@ def variants(tier: Tier) -> list[Variant]:
 
 def rebounds(results: Results, code: str) -> list[float]:
     """Restitution of each impact of the finest run; NaN where the balls have not parted."""
-    run = results[finest(results, "impacts"), code]
+    run = results[results.finest("impacts"), code]
     out = []
     for m in MEETINGS:
         v = relative_velocity(run, m)

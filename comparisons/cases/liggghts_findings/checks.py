@@ -11,7 +11,6 @@ import numpy as np
 
 from comparisons.cases.liggghts_findings import scenes as findings
 from comparisons.cases.single_contact import head_on
-from comparisons.cases.single_contact.checks import finest, ladder
 from comparisons.cases.single_contact.meetings import errors
 from comparisons.harness.case import Check, Measured, Results, Tier
 from comparisons.metrics import trace
@@ -105,14 +104,14 @@ def impact_error(results: Results, label: str, code: str) -> float:
 
 
 def _half_step(results: Results) -> Measured:
-    label = finest(results, "dt_")
+    label = results.finest("dt_")
     theirs, ours = impact_error(results, label, THEIRS), impact_error(results, f"path_{label}", OURS)
     return Measured(theirs / ours, theirs, ours, note=f"step {label[3:]} s, e = 0.3 to 0.9")
 
 
 def order(results: Results, prefix: str, code: str) -> float:
     """Observed order in the step of `impact_error`."""
-    labels = ladder(results, prefix)
+    labels = results.labels(prefix=prefix)
     steps = [results[label, code].scene.time.step for label in labels]
     return trace.observed_order(steps, [impact_error(results, label, code) for label in labels])
 

@@ -9,7 +9,6 @@ import numpy as np
 from comparisons.cases.liggghts_findings import checks as findings_checks
 from comparisons.cases.liggghts_findings import scenes as findings
 from comparisons.cases.liggghts_findings.checks import FLOW, OURS, THEIRS
-from comparisons.cases.single_contact.checks import ladder
 from comparisons.harness.case import Results
 from comparisons.harness.numbers import number
 from comparisons.metrics.trace import observed_order
@@ -76,7 +75,7 @@ def half_step(results: Results) -> Figure:
     for prefix, code, label in (
         ("dt_", THEIRS, "LIGGGHTS"), ("dt_", OURS, "gpudem, half_step"), ("path_dt_", OURS, "gpudem, path"),
     ):  # fmt: skip
-        labels = ladder(results, prefix)
+        labels = results.labels(prefix=prefix)
         steps = [results[label_, code].scene.time.step for label_ in labels]
         found = [findings_checks.impact_error(results, label_, code) for label_ in labels]
         order = observed_order(steps, found)
@@ -145,7 +144,7 @@ def summary(results: Results) -> pandas.DataFrame:
     again = findings.velocity_gap(results["collide_two_runs", THEIRS], results["collide", THEIRS], 1.0)
     above = dict(zip(findings.SLIDES, findings.excess(results["default", THEIRS]), strict=True))
     share = findings.tangential_share(results["smooth_floor", THEIRS])
-    label = c.finest(results, "dt_")
+    label = results.finest("dt_")
     theirs, ours = c.impact_error(results, label, THEIRS), c.impact_error(results, f"path_{label}", OURS)
     rows = [
         (

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from comparisons.cases.single_contact.checks import CODES, finest, ladder, step_of
+from comparisons.cases.single_contact.checks import CODES
 from comparisons.cases.single_contact.meetings import Meeting, errors, exact, observables, relative_velocity
 from comparisons.harness.case import Figure, Results, Table
 from comparisons.metrics import trace as measure
@@ -29,7 +29,7 @@ def overlay(meetings: list[Meeting], prefix: str = "", component: int = 0, title
         figure, (top, low) = plots.figure(
             2, 1, width=plots.WHOLE, height=5.4, sharex=True, height_ratios=(1.5, 1)
         )
-        label = finest(results, prefix)
+        label = results.finest(prefix)
         time = results[label, "gpudem"].trace["time"]
         for k, m in enumerate(meetings):
             truth = exact(results, results[label, "gpudem"].scene, m)
@@ -111,9 +111,9 @@ def work_precision(meetings: list[Meeting], prefix: str = "") -> Figure:
 def _ladder(results: Results, prefix: str, code: str, m: Meeting) -> np.ndarray:
     """Rows of (step [s], stepping time [s], velocity error), by step."""
     rows = []
-    for label in ladder(results, prefix):
+    for label in results.labels(prefix=prefix):
         run = results[label, code]
-        rows.append((step_of(results, label), run.timing.stepping_s, errors(results, run, m)["velocity"]))
+        rows.append((run.scene.time.step, run.timing.stepping_s, errors(results, run, m)["velocity"]))
     return np.array(sorted(rows))
 
 
@@ -123,7 +123,7 @@ def observables_table(meetings: list[Meeting], prefix: str = "", limit_force: bo
     def make(results: Results) -> pandas.DataFrame:
         import pandas
 
-        rows, label = [], finest(results, prefix)
+        rows, label = [], results.finest(prefix)
         for m in meetings:
             truth = exact(results, results[label, results.codes(label)[0]].scene, m)
             want = (

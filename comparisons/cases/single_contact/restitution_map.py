@@ -4,13 +4,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from comparisons.cases.single_contact import restitution_scenes as grid
-from comparisons.cases.single_contact.checks import CODES, finest, ladder, step_by_step
-from comparisons.harness.case import Case, Check, Figure, Results, Tier, Variant
+from comparisons.cases.single_contact.checks import step_by_step
+from comparisons.harness import check_builders as build
+from comparisons.harness.case import TIERS, Case, Figure, PerCode, PerPair, Results, Tier, Variant
 from comparisons.oracles import closed_forms, normal_impact
 from comparisons.report import plots
 
@@ -36,56 +38,44 @@ def variants(tier: Tier) -> list[Variant]:
     ]
 
 
-def _checks(law: grid.Law, limit: bool) -> list[Check]:
-    tiers = (*QUICK, *BENCH) if law == "hertz" else BENCH
+def _checks(law: grid.Law, limit: bool) -> Iterator[PerCode | PerPair]:
     against = "ODE (DOP853, rtol 1e-12)" if law == "hertz/stiffness" else "closed form"
     name = f"{law}, limit_force {'on' if limit else 'off'}"
-    out = list(step_by_step(grid.MEETINGS, spin=False, prefix=grid.label(law, limit), tiers=tiers))
-    for code in CODES:
-        out += [
-            Check(
-                name=f"{name}: restitution, largest |out - expected| ({code})",
-                measure=lambda results, code=code: grid.worst(results, code, law, limit),
-                tolerance=2e-3 if tier == QUICK else 1e-3, unit="1", against=against, mark="A",
-                needs=(code,), tiers=tier,
-                reason="the dashpot sees half-step velocities: first order, largest at the smallest e;"
-                " Chrono and Kratos allow 1e-3",
-                catches="a restitution that depends on speed where it must not, or not where it must",
-            )
-            for tier in ((QUICK, BENCH) if law == "hertz" else (BENCH,))
-        ]  # fmt: skip
-        out.append(
-            Check(
-                name=f"{name}: observed order of the mean error ({code})",
-                measure=lambda results, code=code: grid.order(results, code, law, limit),
-                lo=0.85, tolerance=1.3, unit="1", against=against, mark="A", needs=(code,), tiers=tiers,
-                reason="first order: the dashpot sees half-step velocities",
-                catches="a law that tends to another restitution than the one stated",
-            )
+    tiers = TIERS if law == "hertz" else BENCH
+    yield from step_by_step(grid.MEETINGS, spin=False, prefix=grid.label(law, limit), tiers=tiers)
+    for some in (QUICK, BENCH) if law == "hertz" else (BENCH,):
+        yield build.per_code(
+            f"{name}: restitution, largest |out - expected|",
+            lambda results, code: grid.error(results, code, law, limit),
+            tolerance=2e-3 if some == QUICK else 1e-3, against=against, tiers=some,
+            reason="the dashpot sees half-step velocities: first order, largest at the smallest e;"
+            " Chrono and Kratos allow 1e-3",
+            catches="a restitution that depends on speed where it must not, or not where it must",
         )  # fmt: skip
-    return out
+    yield build.observed_order(
+        f"{name}: observed order of the mean error",
+        lambda results, label, code: grid.mean_error(results, label, code, law, limit),
+        (0.85, 1.3), prefix=grid.label(law, limit), against=against, tiers=tiers,
+        reason="first order: the dashpot sees half-step velocities",
+        catches="a law that tends to another restitution than the one stated",
+    )  # fmt: skip
 
 
-def _viscoelastic() -> list[Check]:
-    out = []
-    for code in CODES:
-        out += [
-            Check(
-                name=f"hertz/stiffness, limit_force on: largest |out - Pade (Mueller and Poeschel)| ({code})",
-                measure=lambda results, code=code: grid.against_pade(results, code, 0.4),
-                tolerance=1e-3, unit="1", against="Mueller and Poeschel 2011", mark="P", needs=(code,),
-                tiers=BENCH, reason="the Pade form is good to 2e-4 up to v* = 0.4; the rest is the time step",
-                catches="a damping that is not that of the viscoelastic sphere",
-            ),
-            Check(
-                name=f"hertz/stiffness, limit_force on: slope of log(1 - e) in log(speed) ({code})",
-                measure=lambda results, code=code: grid.exponent(results, code),
-                lo=0.197, tolerance=0.201, unit="1", against="closed form", mark="A", needs=(code,),
-                tiers=BENCH, reason="1/5 - 0.14 v*^2 with v* = 0.05: 0.1997, and the time step",
-                catches="damping as overlap^(1/4) (slope 0) or constant (slope -1/5)",
-            ),
-        ]  # fmt: skip
-    return out
+VISCOELASTIC = (
+    build.per_code(
+        "hertz/stiffness, limit_force on: largest |out - Pade (Mueller and Poeschel)|",
+        lambda results, code: grid.against_pade(results, code, 0.4),
+        tolerance=1e-3, against="Mueller and Poeschel 2011", mark="P", tiers=BENCH,
+        reason="the Pade form is good to 2e-4 up to v* = 0.4; the rest is the time step",
+        catches="a damping that is not that of the viscoelastic sphere",
+    ),
+    build.per_code(
+        "hertz/stiffness, limit_force on: slope of log(1 - e) in log(speed)", grid.exponent,
+        lo=0.197, tolerance=0.201, against="closed form", tiers=BENCH,
+        reason="1/5 - 0.14 v*^2 with v* = 0.05: 0.1997, and the time step",
+        catches="damping as overlap^(1/4) (slope 0) or constant (slope -1/5)",
+    ),
+)  # fmt: skip
 
 
 def _constant(results: Results) -> MatplotlibFigure:
@@ -97,9 +87,9 @@ def _constant(results: Results) -> MatplotlibFigure:
         axes[0].plot(fine, exact, color=plots.INK, lw=0.9)
         for law, mark in (("hertz", "x"), ("hooke", "+")):
             prefix = grid.label(law, limit)
-            if not ladder(results, prefix):
+            if not results.labels(prefix=prefix):
                 continue
-            name = finest(results, prefix)
+            name = results.finest(prefix)
             for code in results.codes(name):
                 got = grid.rebounds(results[name, code])
                 style = {"marker": "o", "mfc": "none", "ms": 8} if code != "gpudem" else {"marker": mark}
@@ -122,7 +112,7 @@ def _constant(results: Results) -> MatplotlibFigure:
 
 def _speed(results: Results) -> MatplotlibFigure:
     figure, axes = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
-    name = finest(results, grid.label("hertz/stiffness", True))
+    name = results.finest(grid.label("hertz/stiffness", True))
     exact, v = grid.expected(results, "hertz/stiffness", True), grid.v_stars()
     line = np.linspace(0.02, 2.6, 200)
     axes[0].plot(
@@ -171,7 +161,7 @@ CASE = Case(
     variants=variants,
     checks=(
         *(check for law in grid.LAWS for limit in (False, True) for check in _checks(law, limit)),
-        *_viscoelastic(),
+        *VISCOELASTIC,
     ),
     figures=(
         Figure(

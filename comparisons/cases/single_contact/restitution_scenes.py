@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 
-from comparisons.cases.single_contact.checks import finest, ladder, step_of
 from comparisons.cases.single_contact.meetings import Meeting, overlap, relative_velocity
 from comparisons.harness.case import Measured, Results
 from comparisons.metrics import trace as measure
@@ -121,9 +120,9 @@ def expected(results: Results, law: str, limit_force: bool) -> np.ndarray:
     return results.once(("expected", law, limit_force), compute)
 
 
-def worst(results: Results, code: str, law: str, limit_force: bool) -> Measured:
+def error(results: Results, code: str, law: str, limit_force: bool) -> Measured:
     """Largest |e out - expected| of the finest run."""
-    got = rebounds(results[finest(results, label(law, limit_force)), code])
+    got = rebounds(results[results.finest(label(law, limit_force)), code])
     want = expected(results, law, limit_force)
     off = np.where(np.isnan(want), 0.0, np.abs(got - want))
     k, j = np.unravel_index(np.argmax(off), got.shape)
@@ -134,19 +133,16 @@ def worst(results: Results, code: str, law: str, limit_force: bool) -> Measured:
     )  # fmt: skip
 
 
-def order(results: Results, code: str, law: str, limit_force: bool) -> Measured:
-    """Observed order of the mean |e out - expected| of damped impacts over the steps."""
-    labels = ladder(results, label(law, limit_force))
+def mean_error(results: Results, variant: str, code: str, law: str, limit_force: bool) -> float:
+    """Mean |e out - expected| of the damped impacts of a variant."""
     want = expected(results, law, limit_force)
-    keep = want < 1 - 1e-9  # not NaN either
-    errors = [float(np.abs(rebounds(results[name, code]) - want)[keep].mean()) for name in labels]
-    steps = [step_of(results, name) for name in labels]
-    return Measured(measure.observed_order(steps, errors), note=f"mean error {min(errors):.2g} at the finest")
+    damped = want < 1 - 1e-9  # not NaN either
+    return float(np.abs(rebounds(results[variant, code]) - want)[damped].mean())
 
 
 def against_pade(results: Results, code: str, reach: float) -> Measured:
     """Largest |e out - Pade| up to v* = reach."""
-    got = rebounds(results[finest(results, label("hertz/stiffness", True)), code])
+    got = rebounds(results[results.finest(label("hertz/stiffness", True)), code])
     v = v_stars()
     want = np.vectorize(normal_impact.pade)(v)
     off = np.where(v <= reach, np.abs(got - want), 0.0)
@@ -155,6 +151,6 @@ def against_pade(results: Results, code: str, reach: float) -> Measured:
 
 def exponent(results: Results, code: str) -> Measured:
     """Slope of log(1 - e) against log(speed) at the smallest v*: 1/5 less 0.14 v*^2."""
-    got = rebounds(results[finest(results, label("hertz/stiffness", True)), code])[0]
+    got = rebounds(results[results.finest(label("hertz/stiffness", True)), code])[0]
     slope = np.polyfit(np.log(SPEEDS), np.log(1 - got), 1)[0]
     return Measured(float(slope), note=f"1 - e from {1 - got[0]:.3g} to {1 - got[-1]:.3g}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from comparisons.cases.single_contact.checks import CODES, finest
+from comparisons.cases.single_contact.checks import CODES
 from comparisons.cases.single_contact.meetings import Meeting, exact, relative_velocity
 from comparisons.harness.case import Check, Figure, Measured, Results, Table
 from comparisons.oracles import closed_forms, contact_ode
@@ -40,7 +40,7 @@ def sliding_checks(
     """Per code: velocity and spin out of gross sliding, largest relative error of their changes."""
 
     def value(results: Results, code: str, k: int) -> Measured:
-        run = results[finest(results, prefix), code]
+        run = results[results.finest(prefix), code]
         rows = []
         for m in meetings:
             truth = exact(results, run.scene, m)
@@ -86,7 +86,7 @@ def rebound_map(meetings: list[Meeting], options: dict[str, tuple[bool, bool]]) 
         slips = np.geomspace(0.02, 3.2, 25)
         color = 0
         for prefix, (limit, dashpot) in options.items():
-            label = finest(results, prefix)
+            label = results.finest(prefix)
             scene = results[label, results.codes(label)[0]].scene
             solved = [(m, exact(results, scene, m)) for m in meetings]
             for e in dict.fromkeys(t.bodies.restitution for _, t in solved):
@@ -137,7 +137,7 @@ def rebound_table(meetings: list[Meeting], prefixes: tuple[str, ...]) -> Table:
 
         rows = []
         for prefix in prefixes:
-            label = finest(results, prefix)
+            label = results.finest(prefix)
             for m in meetings:
                 truth = exact(results, results[label, results.codes(label)[0]].scene, m)
                 final, first = truth.contact.final, truth.contact.state(0.0)

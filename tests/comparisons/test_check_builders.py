@@ -1,0 +1,121 @@
+"""Checks that are built for the codes at hand: what each reads, whom it names, when it must not hold."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from comparisons.harness import check_builders as build
+from comparisons.harness.case import Case, Check, Measured, Results, largest, relative
+from gpudem.output.run import Run, Timing
+from tests.comparisons import fake
+
+STEPS = (4e-5, 2e-5, 1e-5)
+
+
+def run(code: str, step: float, error: float = 0.0) -> Run:
+    """A run that is off by `error` times the step, in each direction and at any time."""
+    scene = fake.scene(step)
+    time = np.linspace(0.0, 0.05, 11)
+    trace = {"time": time, "position": fake.exact(scene, time) + error * step}
+    return Run(code, "0.0", scene, Path(), Timing(3, scene.n_steps, 1.0), trace=trace)
+
+
+def measured(check: Check, results: Results) -> Measured:
+    found = check.measure(results)
+    assert isinstance(found, Measured)
+    return found
+
+
+@pytest.fixture(scope="module")
+def results() -> Results:
+    """gpudem exact; LIGGGHTS off by dt at any time; both at three steps, and a variant that only one ran."""
+    runs = {(f"dt_{dt:g}", "gpudem"): run("gpudem", dt) for dt in STEPS}
+    runs |= {(f"dt_{dt:g}", "liggghts"): run("liggghts", dt, 1.0) for dt in STEPS}
+    return Results("quick", runs | {("alone", "gpudem"): run("gpudem", 8e-5)})
+
+
+def checks(item, codes: tuple[str, ...]) -> list[Check]:
+    """What a case makes of it for these codes."""
+    case = Case("name", "title", "purpose", "source", lambda tier: [], (item,))
+    return case.checks_of("quick", codes)
+
+
+def trace_check(**fields) -> Check:
+    facts = {"tolerance": 1.0, "reason": "", "catches": ""} | fields
+    item = build.step_by_step("position", "position", lambda run: math.sqrt(3), **facts)
+    [check] = checks(item, ("gpudem", "liggghts"))
+    return check
+
+
+def test_codes_agree_over_all_variants_that_both_ran(results):
+    """A pair that is compared in one variant only, or by the wrong scale."""
+    check = trace_check()
+    found = measured(check, results)
+    assert found.value == pytest.approx(max(STEPS))
+    assert "3 variants" in found.note
+    assert f"dt_{max(STEPS):g}" in found.note
+    assert (check.needs, check.against, check.mark) == (("gpudem", "liggghts"), "LIGGGHTS", "X")
+
+
+def test_one_variant_is_chosen_by_its_prefix(results):
+    """A check of one ladder that reads another."""
+    found = measured(trace_check(prefix="dt_1e-05"), results)
+    assert found.value == pytest.approx(1e-5)
+
+
+def test_a_run_that_shows_nothing_fails(results):
+    """A check that holds although nothing happened."""
+    found = measured(trace_check(defect=lambda run: "no contact"), results)
+    assert math.isnan(found.value)
+    assert "no contact" in found.note
+
+
+def test_no_common_variant_is_an_error(results):
+    """A check that holds on no runs at all."""
+    with pytest.raises(ValueError, match="nothing"):
+        measured(trace_check(prefix="alone"), results)
+
+
+def test_order_in_the_step(results):
+    """An order computed from the runs of another code, or with steps and errors in different order."""
+
+    def error(results: Results, label: str, code: str) -> float:
+        trace = results[label, code].trace
+        return float(np.abs(trace["position"] - fake.exact(fake.scene(), trace["time"])).max())
+
+    item = build.observed_order(
+        "order", error, (0.9, 1.1), prefix="dt_", against="exact", reason="", catches=""
+    )
+    [check] = checks(item, ("liggghts",))
+    found = measured(check, results)
+    assert found.value == pytest.approx(1.0, abs=1e-6)
+    assert (check.name, check.needs, check.lo) == ("order (liggghts)", ("liggghts",), 0.9)
+
+
+def test_one_check_for_each_code():
+    """Two codes judged by the runs of one."""
+    item = build.per_code(
+        "x", lambda results, code: len(code), tolerance=1, against="", reason="", catches=""
+    )
+    made = checks(item, ("gpudem", "liggghts", "event_driven"))
+    nothing = Results("quick", {})
+    assert [(c.name, c.measure(nothing)) for c in made] == [("x (gpudem)", 6), ("x (liggghts)", 8)]
+
+
+def test_finest_variant(results):
+    assert results.finest("dt_") == "dt_1e-05"
+    assert results.labels("liggghts") == [f"dt_{dt:g}" for dt in STEPS]
+    assert "alone" in results.labels("gpudem")
+
+
+def test_relative_errors():
+    """A largest error that overlooks one that is not a number."""
+    found = largest({"a": relative(1.1, 1.0), "b": relative(2.0, 1.0), "c": relative(1.0, 1.0)})
+    assert (found.value, found.measured, found.expected, found.note) == (1.0, 2.0, 1.0, "largest in b")
+    worst = largest({"a": relative(2.0, 1.0), "b": relative(math.nan, 1.0)})
+    assert math.isnan(worst.value)
+    assert worst.note == "largest in b"
