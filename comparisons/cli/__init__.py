@@ -203,6 +203,8 @@ def compare(
         f"{n['pass']} pass, {n['fail']} fail, {n['error']} error, {n['left_out']} left out"
         f" in {progress.duration(result.wall_s)}\n{directory / 'report.html'}"
     )
+    for found in [c for c in result.cases if c.headline]:
+        click.echo(f"{found.name}: {found.headline}")
     for line in result.broken():
         click.echo(f"error: {line}", err=True)
     if result.state == "interrupted":

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure as MatplotlibFigure
 
+    from comparisons.harness.results import CheckResult
+
 Tier = Literal["quick", "standard", "full"]
 TIERS: tuple[Tier, ...] = ("quick", "standard", "full")
 
@@ -73,6 +75,8 @@ class Results:
     """For what several checks share (an oracle's solution): `results.once(key, function)`."""
     ended: dict[tuple[str, str], str] = dataclasses.field(default_factory=dict)
     """What a code said when it gave up a variant that may end early; such a variant has no run."""
+    left_out: dict[tuple[str, str], str] = dataclasses.field(default_factory=dict)
+    """Runs that do not exist since the code is missing, cannot be given the scene, or failed: why."""
 
     def __getitem__(self, key: tuple[str, str]) -> Run:
         return self.runs[key]
@@ -250,6 +254,10 @@ class Case:
     order: int = 100
     """Place in the report; lower first, quick cases first."""
     tiers: tuple[Tier, ...] = TIERS
+    follow_up: Callable[[Results], list[Variant]] | None = None
+    """Variants that depend on what the others show: made from their results, run after them."""
+    headline: Callable[[Results, Sequence[CheckResult]], str] | None = None
+    """What was found, in one sentence for the top of the page."""
 
     def checks_of(self, tier: Tier, selected: Sequence[str] | None = None) -> list[Check]:
         """The checks of a tier in order, made for the selected codes (all that are known if None)."""

@@ -7,7 +7,18 @@ from pathlib import Path
 from typing import Any
 
 from comparisons.harness import codes
-from comparisons.harness.case import Case, Check, Figure, Finding, Measured, Results, Table, Tier, Unmeasured
+from comparisons.harness.case import (
+    Case,
+    Check,
+    Figure,
+    Finding,
+    Measured,
+    Results,
+    Table,
+    Tier,
+    Unmeasured,
+    Variant,
+)
 from comparisons.harness.results import Artefact, CheckResult, FindingResult, Status
 from gpudem.errors import GpudemError
 from gpudem.output.run import Run
@@ -108,6 +119,19 @@ class Evaluation:
         except Exception as error:
             return "error", describe(error), {}
 
+    def follow_up(self) -> list[Variant]:
+        """The variants that depend on the runs that there are."""
+        return self.case.follow_up(self._results(())) if self.case.follow_up else []
+
+    def headline(self, checks: list[CheckResult]) -> str:
+        """What was found, in one sentence; why it could not be made where that fails."""
+        if self.case.headline is None:
+            return ""
+        try:
+            return self.case.headline(self._results(()), checks)
+        except Exception as error:
+            return f"the sentence could not be made: {describe(error)}"
+
     def figure(self, figure: Figure, root: Path, number: int) -> Artefact:
         """Draw one figure into <case>/figures/."""
         from comparisons.report import plots, svg
@@ -149,7 +173,9 @@ class Evaluation:
         failed, absent = (
             {key: why for key, why in of.items() if key[1] in needs} for of in (self.failed, self.absent)
         )
-        return Results(self.tier, Runs(self.runs, failed, absent, self.unstated), self._cache, self.ended)
+        left_out = {**self.unstated, **self.absent, **self.failed}
+        runs = Runs(self.runs, failed, absent, self.unstated)
+        return Results(self.tier, runs, self._cache, self.ended, left_out)
 
     def _missing(self, item: Check | Finding | Figure | Table) -> tuple[Any, str]:
         away = [code for code in item.needs if code not in self.selected]

@@ -127,9 +127,8 @@ class Session:
         try:
             variants = case.variants(self.tier)
             result = dataclasses.replace(result, setup=setup_table.rows([v.scene for v in variants]))
-            for variant in variants:
-                for code in variant.codes_of(self.selected):
-                    self._run(evaluation, variant, code)
+            self._run_all(evaluation, variants)
+            self._run_all(evaluation, evaluation.follow_up())
             result = dataclasses.replace(result, status="done")
         except Exception as error:
             result = dataclasses.replace(result, status="error", why=describe(error))
@@ -141,6 +140,8 @@ class Session:
         tables = [t for t in case.tables if self.tier in t.tiers]
         result.artefacts[:] = [evaluation.figure(f, self.directory, k) for k, f in enumerate(figures, 1)]
         result.artefacts.extend(evaluation.table(t, self.directory, k) for k, t in enumerate(tables, 1))
+        headline = evaluation.headline(checks)
+        result = dataclasses.replace(result, headline=headline)
         self._replace(dataclasses.replace(result, wall_s=time.monotonic() - began))
         self._say(result, checks, findings, time.monotonic() - began)
         self.write()
@@ -168,6 +169,11 @@ class Session:
         report.write(self.comparison, self.directory)
 
     # -- parts -----------------------------------------------------------------------------------------------
+
+    def _run_all(self, evaluation: Evaluation, variants: list[Variant]) -> None:
+        for variant in variants:
+            for code in variant.codes_of(self.selected):
+                self._run(evaluation, variant, code)
 
     def _run(self, evaluation: Evaluation, variant: Variant, code: str) -> None:
         case, scene = evaluation.case.name, variant.scene
@@ -238,6 +244,8 @@ class Session:
     ) -> None:
         held = sum(c.status == "pass" for c in checks)
         self.reporter.say(f"  {held} of {len(checks)} checks hold, {duration(seconds)}")
+        if result.headline:
+            self.reporter.say(f"  {result.headline}")
         if result.status == "error":
             self.reporter.say(f"  ERROR {result.why}")
             return

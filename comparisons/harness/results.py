@@ -195,6 +195,8 @@ class CaseResult:
     artefacts: list[Artefact] = dataclasses.field(default_factory=list)
     recorded: Recorded | None = None
     """Of the full tier, where this comparison is of a shorter one."""
+    headline: str = ""
+    """What was found, in one sentence; empty for a case that has none."""
 
 
 @dataclasses.dataclass

@@ -114,6 +114,38 @@ def test_a_case_whose_scenes_are_wrong_is_an_error(tmp_path, fake_codes):
     assert comparison.exit_code() == 1
 
 
+def test_variants_that_depend_on_results_and_the_sentence(tmp_path, fake_codes):
+    """Detects: follow-up variants that do not run or do not reach the checks; a sentence that gets lost."""
+    case = fake.case()
+
+    def more(results):
+        assert results["dt_1e-05", "gpudem"].trace is not None
+        return [Variant("later", fake.scene(), ("gpudem",))]
+
+    def say(results, checks):
+        codes = ", ".join(results.codes("later"))
+        return f"{len(checks)} checks, later: {codes} <b>"
+
+    later = Check("later", lambda r: 0.0 * r["later", "gpudem"].scene.n_steps, 1.0, "1", "x", "X", "r", "c")
+    case = dataclasses.replace(case, checks=(*case.checks, later), follow_up=more, headline=say)
+    comparison = run(tmp_path, case)
+    assert comparison.counts()["pass"] == 5
+    assert comparison.cases[0].headline == "5 checks, later: gpudem <b>"
+    assert results.load(tmp_path).cases[0].headline == comparison.cases[0].headline
+    page = (tmp_path / "report.html").read_text()
+    assert page.count("5 checks, later: gpudem &lt;b&gt;") == 2
+    broken = dataclasses.replace(case, headline=lambda results, checks: str(1 / 0))
+    (tmp_path / "b").mkdir()
+    assert "ZeroDivisionError" in run(tmp_path / "b", broken).cases[0].headline
+
+
+def test_the_sentence_learns_what_did_not_run(tmp_path, fake_codes):
+    """Detects: a headline that takes a failed code for one that agrees."""
+    fake_codes(liggghts={"fails": "no binary"})
+    case = dataclasses.replace(fake.case(), headline=lambda r, checks: str(sorted(set(r.left_out.values()))))
+    assert run(tmp_path, case).cases[0].headline == "['no binary']"
+
+
 def test_interrupt_keeps_what_is_done(tmp_path, fake_codes):
     def stop(results):
         raise KeyboardInterrupt
