@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from comparisons.metrics import contacts
+
 #: Grains count as touching up to this gap, in diameters: settled grains overlap, and float noise must not
 #: part them.
 TOUCH_GAP = 0.01
@@ -11,20 +13,7 @@ TOUCH_GAP = 0.01
 
 def _pairs(position: np.ndarray, radius: np.ndarray, period: float | None) -> np.ndarray:
     """Rows of touching pairs (pairs, 2), with y periodic of length `period` [m] or not."""
-    from scipy.spatial import KDTree
-
-    reach = 2 * float(radius.max()) * (1 + TOUCH_GAP)
-    shifted = position - position.min(axis=0)
-    box = np.zeros(3)
-    if period:
-        box[1] = period
-        shifted[:, 1] = position[:, 1] % period
-    pairs = KDTree(shifted, boxsize=box).query_pairs(reach, output_type="ndarray")
-    d = shifted[pairs[:, 0]] - shifted[pairs[:, 1]]
-    if period:
-        d[:, 1] -= period * np.round(d[:, 1] / period)
-    near = np.linalg.norm(d, axis=1) <= (radius[pairs].sum(axis=1)) * (1 + TOUCH_GAP)
-    return pairs[near]
+    return contacts.touching(position, radius, np.array([0.0, period or 0.0, 0.0]), TOUCH_GAP)[0]
 
 
 def main_mass(position: np.ndarray, radius: np.ndarray, period: float | None = None) -> np.ndarray:
