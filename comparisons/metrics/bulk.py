@@ -16,7 +16,7 @@ MANY = 20
 LAST, SAMPLES = 0.25, 8
 #: Places along the flow at which the height is read.
 PLACES = 4
-#: Quantile of the tops of particles that is the height of a bed, so that one particle in flight does not set it.
+#: Quantile of the tops of particles that is the height of a bed: one particle in flight does not set it.
 TOP = 0.9
 
 
