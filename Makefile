@@ -13,9 +13,9 @@ verify: ## compare gpudem with LIGGGHTS and closed forms (standard tier); last l
 # One worker a core; each file of tests in one worker, the cases' with their one report too. WORKERS= for none.
 WORKERS = -n logical --maxprocesses 4 --dist loadfile
 
-test: ## the test suite; ARGS="-k scene" to select
+test: ## the test suite and the checks of all cases; ARGS="-k scene" to select
 	@bash tools/setup.sh test
-	@.venv/bin/python -m pytest $(WORKERS) $(ARGS)
+	@.venv/bin/python -m pytest $(WORKERS) --gpudem-cases comparisons.cases $(ARGS)
 
 test-fast: ## its fast part, some 90 s: no LIGGGHTS, no cases, few kernels to compile
 	@bash tools/setup.sh test

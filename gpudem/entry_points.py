@@ -10,9 +10,15 @@ from gpudem.errors import GpudemError
 
 
 def load_entry_points(group: str, register: Callable[[Any], None]) -> None:
-    """Register the object of each entry point of a group. Raises GpudemError: an entry does not load."""
+    """Register the object of each entry point of a group.
+
+    Raises GpudemError: an entry does not load or is not what the group holds; names the entry and its value.
+    """
     for entry in importlib.metadata.entry_points(group=group):
         try:
             register(entry.load())
-        except (ImportError, AttributeError) as error:
-            raise GpudemError(f"entry point {entry.name!r} of {group} ({entry.value}): {error}") from error
+        except GpudemError:
+            raise
+        except Exception as error:
+            what = f"{type(error).__name__}: {error}"
+            raise GpudemError(f"entry point {entry.name!r} of {group} ({entry.value}): {what}") from error

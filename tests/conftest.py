@@ -10,12 +10,15 @@ import fcntl
 import os
 import shutil
 from collections.abc import Generator, Iterator
+from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-pytest_plugins = ["comparisons.harness.pytest_plugin"]
+from comparisons.harness.pytest_checks import CheckItem
+
+#: The plug-in comes with the installed package; from a tree that is not installed it is named here.
+pytest_plugins = [] if entry_points(group="pytest11", name="gpudem") else ["comparisons.pytest_plugin"]
 
 #: Cases of the quick tier whose checks compare run times.
 TIMED_CASES = {"event_speed"}
@@ -54,11 +57,10 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 @pytest.hookimpl(tryfirst=True)  # before -m selects
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        parameters: dict[str, Any] = item.callspec.params if hasattr(item, "callspec") else {}
-        if parameters.get("case_check", ("",))[0] in TIMED_CASES:
-            item.add_marker("timing")
-        if "case_check" in parameters:
+        if isinstance(item, CheckItem):
             item.add_marker("cases")
+            if item.case.name in TIMED_CASES:
+                item.add_marker("timing")
 
 
 @pytest.hookimpl(wrapper=True)

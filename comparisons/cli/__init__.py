@@ -42,6 +42,10 @@ RANKS = click.option(
 )
 QUIET = click.option("-q", "--quiet", is_flag=True, help="No progress.")
 SCENE = click.argument("scene", type=click.Path(path_type=Path))
+PACKAGES = click.option(
+    "--cases", "packages", multiple=True, metavar="PACKAGE",
+    help="Cases of a package or module that can be imported, also from the current folder; repeatable.",
+)  # fmt: skip
 
 
 class _Failure(GpudemError):
@@ -138,11 +142,12 @@ def validate(scene: Path) -> int:
 @click.option(
     "--tier", type=click.Choice(TIERS), default="quick", show_default=True, help="Whose checks to count."
 )
-def cases(tier: Any) -> int:
-    """List the comparison cases."""
-    from comparisons.harness.discover import find_cases
+@PACKAGES
+def cases(tier: Any, packages: tuple[str, ...]) -> int:
+    """List the comparison cases: the project's own, those of installed packages, those of --cases."""
+    from comparisons.harness.discover import known_cases
 
-    found = find_cases()
+    found = known_cases(packages)
     width = max([len(case.name) for case in found], default=0)
     for case in found:
         count = len(case.checks_of(tier))
@@ -153,11 +158,10 @@ def cases(tier: Any) -> int:
 
 @app.command()
 @click.argument("case", nargs=-1)
+@PACKAGES
 @click.option("--tier", type=click.Choice(TIERS), default="quick", show_default=True)
 @click.option("--record", is_flag=True, help="Full tier: keep the results in comparisons/recorded/full.")
-@click.option(
-    "--codes", "chosen", default=lambda: ",".join(codes.CODES), show_default="all", help="Comma-separated."
-)
+@click.option("--codes", "chosen", help="Comma-separated.  [default: all]")
 @DEVICE
 @PRECISION
 @THREADS
@@ -168,25 +172,26 @@ def cases(tier: Any) -> int:
 @QUIET
 def compare(
     case: tuple[str, ...],
+    packages: tuple[str, ...],
     tier: Any,
     record: bool,
-    chosen: str,
+    chosen: str | None,
     out: Path | None,
     quiet: bool,
     **options: Any,
 ) -> int:
-    """Run cases (default: all) through the codes; write results.json, junit.xml and report.html."""
+    """Run cases (default: all, or those of --cases); write results.json, junit.xml and report.html."""
     from comparisons.cli.scene_commands import output_directory
     from comparisons.harness import execute, progress, recorded_cases
-    from comparisons.harness.discover import find_cases, select
+    from comparisons.harness.discover import cases_to_run
 
+    cases = cases_to_run(case, tier, packages)  # first: a package may bring codes
     try:
-        names = codes.select(chosen.split(","))
+        names = codes.select(codes.CODES if chosen is None else chosen.split(","))
     except GpudemError as error:
         raise GpudemError(f"--codes: {error}") from None
     if record and tier != "full":
         raise GpudemError(f"--record: keeps results of the full tier, this is {tier}: add --tier full")
-    cases = select(find_cases(), case, tier)
     if not cases:
         raise GpudemError(f"no case in the {tier} tier")
     with output_directory(out) as directory:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
@@ -28,6 +29,18 @@ Mark = Literal["A", "P", "X", "R"]
 Section = Literal["case", "lead", "advice", "work_precision", "speed", "limits", "leaves_out"]
 
 
+#: Names of cases and labels of variants: they name folders and stand in links.
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]*")
+
+
+def _require_name(what: str, name: str) -> None:
+    if not _NAME.fullmatch(name):
+        raise GpudemError(
+            f"{what} {name!r}: names a folder; allowed are letters, digits, '_', '-', '.' and '+', the first"
+            " a letter, a digit or '_'"
+        )
+
+
 class Unmeasured(GpudemError):
     """A measure's tool is not on this machine: the check, figure or table is left out, and says so."""
 
@@ -37,7 +50,7 @@ class Variant:
     """One scene of a case; runs once through each code."""
 
     label: str
-    """Short and unique within the case; letters, digits, `_`, `-`, `.`; names the run directory."""
+    """Short and unique within the case; letters, digits, `_`, `-`, `.`, `+`; names the run directory."""
     scene: Scene
     codes: tuple[str, ...] | None = None
     """Codes that run it; None: each that advances a scene step by step. A code that a user brought runs every
@@ -50,6 +63,9 @@ class Variant:
     may_end: bool = False
     """The scene is there to find out whether codes come through: an error of a code is a result, kept in
     `Results.ended`, and no failure of the comparison."""
+
+    def __post_init__(self) -> None:
+        _require_name("variant", self.label)
 
     def names(self, code: str) -> bool:
         """Whether it has been written for a code: it says so, or the code is gpudem or a reference."""
@@ -238,6 +254,7 @@ class Case:
     """One comparison: what is set up, what is checked, what is shown and why it matters."""
 
     name: str
+    """Names the case on the command line and its folder: letters, digits, `_`, `-`, `.`, `+`."""
     title: str
     purpose: str
     """What it shows and why it matters: one paragraph."""
@@ -258,6 +275,9 @@ class Case:
     """Variants that depend on what the others show: made from their results, run after them."""
     headline: Callable[[Results, Sequence[CheckResult]], str] | None = None
     """What was found, in one sentence for the top of the page."""
+
+    def __post_init__(self) -> None:
+        _require_name("case", self.name)
 
     def checks_of(self, tier: Tier, selected: Sequence[str] | None = None) -> list[Check]:
         """The checks of a tier in order, made for the selected codes (all that are known if None)."""

@@ -1,12 +1,15 @@
 import dataclasses
+import importlib.metadata
 import io
 import json
+import sys
+import types
 
 import pytest
 
-from comparisons.harness import execute, progress, results
+from comparisons.harness import codes, discover, execute, progress, results
 from comparisons.harness.case import Case, Check, Variant
-from comparisons.harness.discover import find_cases, select
+from comparisons.harness.discover import cases_to_run, find_cases, known_cases, select
 from comparisons.harness.evaluate import holds
 from gpudem.errors import GpudemError
 from tests.comparisons import fake
@@ -232,6 +235,83 @@ def test_cases_are_found_in_order_and_a_broken_one_says_so(tmp_path, monkeypatch
     comparison = run(tmp_path, found[0])
     assert "fake_cases.broken does not load: ModuleNotFoundError" in comparison.cases[0].why
     assert comparison.exit_code() == 1
+
+
+@pytest.fixture
+def their_cases(tmp_path, monkeypatch):
+    """A package `their_cases` that can be imported from the current folder; write(module, text) fills it."""
+    package = tmp_path / "their_cases"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    for name in [name for name in sys.modules if name.split(".")[0] == "their_cases"]:
+        monkeypatch.delitem(sys.modules, name)
+    yield lambda module, text: (package / f"{module}.py").write_text(text)
+    for name in [name for name in sys.modules if name.split(".")[0] == "their_cases"]:
+        del sys.modules[name]
+
+
+def test_cases_and_codes_of_a_package_named(their_cases, fake_codes, monkeypatch):
+    """Catches: a package in the current folder not found, its code unknown, other cases run too."""
+    monkeypatch.setattr(discover, "find_cases", find_cases)
+    their_cases("one", "from tests.comparisons import fake\nCASE = fake.case('one')\n")
+    their_cases("two", "from tests.comparisons import fake\nCODE = fake.code('gpudem', fails='x')\n"
+                       "import dataclasses\nCODE = dataclasses.replace(CODE, name='mine')\n")  # fmt: skip
+    assert [case.name for case in cases_to_run((), "quick", ["their_cases"])] == ["one"]
+    assert codes.CODES["mine"].name == "mine"
+    assert [c.name for c in cases_to_run(("head_on", "one"), "quick", ["their_cases"])] == ["head_on", "one"]
+    assert [case.name for case in cases_to_run((), "quick", ["their_cases.one"])] == ["one"]
+    with pytest.raises(GpudemError, match=r"no case in comparisons\.metrics"):
+        cases_to_run((), "quick", ["comparisons.metrics"])
+    their_cases("three", "from tests.comparisons import fake\nCASE = fake.case('head_on')\n")
+    with pytest.raises(GpudemError, match="two cases are called 'head_on'"):
+        known_cases(["their_cases"])
+
+
+class _Entry:
+    """An entry point of another package."""
+
+    name, value = "theirs", "their_cases"
+
+    def __init__(self, added):
+        self.added = added
+
+    def load(self):
+        if isinstance(self.added, Exception):
+            raise self.added
+        return self.added
+
+
+@pytest.mark.parametrize(
+    ("added", "found"),
+    [
+        (fake.case("entered"), "entered"),
+        (types.SimpleNamespace(), "neither a package, a module nor a Case"),
+        (RuntimeError("no licence"), r"entry point 'theirs' of gpudem.cases \(their_cases\): RuntimeError"),
+    ],
+    ids=["case", "something", "broken"],
+)
+def test_cases_by_entry_points(monkeypatch, added, found):
+    monkeypatch.setattr(
+        importlib.metadata, "entry_points", lambda group: [_Entry(added)] if group == "gpudem.cases" else []
+    )
+    if isinstance(added, Case):
+        assert found in [case.name for case in known_cases()]
+    else:
+        with pytest.raises(GpudemError, match=found):
+            known_cases()
+
+
+@pytest.mark.parametrize(
+    "name", ["", "..", ".hidden", "a/b", "a b", "/etc", "-x", "a\\b", "a\nb", "\u00e9", "a\x00"]
+)
+def test_names_that_are_no_folders_are_refused(name):
+    """A name becomes a folder and a link: one with a path in it would write elsewhere."""
+    with pytest.raises(GpudemError, match="names a folder; allowed are letters"):
+        fake.case(name)
+    with pytest.raises(GpudemError, match="names a folder; allowed are letters"):
+        Variant(name, fake.scene())
 
 
 def test_selecting_cases():

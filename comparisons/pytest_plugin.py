@@ -1,0 +1,42 @@
+"""The pytest plug-in, in any repository: each check of a case is a test, and the report is written.
+
+    pytest --gpudem-case head_on --gpudem-cases my_cases --gpudem-code gpudem --gpudem-out report
+
+Installed with gpudem (entry point `gpudem` of the group `pytest11`; `-p no:gpudem` switches it off). Without
+one of SELECTING it adds nothing to a session, and imports nothing of gpudem.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+#: Options that select checks: one of them makes the plug-in take part.
+SELECTING = ("gpudem_case", "gpudem_cases")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """The options of the group `gpudem`."""
+    group = parser.getgroup("gpudem", "gpudem: comparison of simulation codes")
+
+    def option(name: str, what: str, metavar: str, action: str = "append") -> None:
+        default = [] if action == "append" else None
+        group.addoption(f"--gpudem-{name}", action=action, default=default, metavar=metavar, help=what)
+
+    option("case", "run this case, each of its checks a test; repeatable", "NAME")
+    option(
+        "cases",
+        "cases of a package or module; without --gpudem-case all of them are run; repeatable",
+        "PACKAGE",
+    )
+    option("code", "code to run the cases through; repeatable; default: all that are known", "NAME")
+    option("tier", "quick, standard or full; default: quick", "TIER", "store")
+    option("out", "new or empty folder of the report; default: runs/<UTC>_<commit>", "DIR", "store")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_configure(config: pytest.Config) -> None:
+    """Register the checks where an option selects some."""
+    if any(config.getoption(name) for name in SELECTING):
+        from comparisons.harness import pytest_checks
+
+        config.pluginmanager.register(pytest_checks.Checks(config), "gpudem-checks")
