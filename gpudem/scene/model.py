@@ -53,17 +53,29 @@ class Scene(Model):
     """
 
     name: Name
+    """Short name of the scene; names files."""
     title: str = ""
+    """What it shows, in a line."""
     materials: Annotated[dict[Name, Material], Field(min_length=1)]
+    """Materials of particles and walls, by name."""
     pairs: tuple[Pair, ...]
+    """Contact properties of every two materials that can touch."""
     contact: Contact = Contact()
+    """The contact law."""
     particles: Annotated[Explicit | FromFile | Lattice, Field(discriminator="source")]
+    """The particles at the start."""
     gravity: Annotated[Vector, vector("m/s2")] = (0.0, 0.0, 0.0)
+    """Acceleration of gravity [m/s2]."""
     walls: tuple[WallSection, ...] = ()
+    """Walls, gates and vibrating planes."""
     domain: Domain
+    """Where particles may be."""
     time: Time
+    """Time step and length of the run."""
     output: Output = Output()
+    """What is written, and how often."""
     solver: Solver = Solver()
+    """How gpudem computes it."""
     allow: tuple[
         Literal["time_step", "unusual_units", "overlap", "large_overlap", "speed", "memory", "rounding"], ...
     ] = ()

@@ -75,6 +75,7 @@ class Pair(Model):
     model_config = ConfigDict(extra="allow")
 
     materials: tuple[Name, Name]
+    """The two materials; the same twice for contacts of one material with itself."""
     restitution: Annotated[float, positive("1", 1)] = 1.0
     """Coefficient of restitution e [1], 0 < e <= 1."""
     friction: Annotated[float, number("1", 0)] = 0.0
@@ -125,6 +126,7 @@ class Explicit(Model):
     """Particles listed one by one; lists do for arrays."""
 
     source: Literal["explicit"] = "explicit"
+    """How particles are stated."""
     position: Annotated[np.ndarray, POSITION]
     """Centres [m], shape (n, 3)."""
     radius: Annotated[float | np.ndarray, each(RADIUS)]
@@ -158,6 +160,7 @@ class FromFile(Model):
     """Particles from a .csv, .npz or .vtu file; its columns: see `particle_files.read_particles`."""
 
     source: Literal["file"]
+    """How particles are stated."""
     path: Annotated[str, AfterValidator(os.path.abspath)]
     """File; a relative path counts from the scene file, or from the working directory in Python."""
     material: Name | None = None
@@ -170,7 +173,9 @@ class RadiusShare(Model):
     """One radius of a mixture and its share by number."""
 
     radius: Annotated[float, RADIUS]
+    """Radius [m]."""
     share: Annotated[float, positive("1")]
+    """Share by number, relative to the sum of all shares [1]."""
 
 
 def _countable(count: int) -> int:
@@ -183,10 +188,15 @@ class Lattice(Model):
     """`count` particles on a jittered cubic lattice filling lo..hi from below."""
 
     source: Literal["lattice"]
+    """How particles are stated."""
     material: Name
+    """Material of all."""
     count: Annotated[int, Field(strict=True, gt=0), AfterValidator(_countable), BeforeValidator(as_python)]
+    """Number of particles."""
     lo: Annotated[Vector, vector("m")]
+    """Lower corner of the box that they fill [m]."""
     hi: Annotated[Vector, vector("m")]
+    """Upper corner [m]."""
     radius: Annotated[
         Annotated[float, RADIUS, Tag("<one>")]
         | Annotated[tuple[RadiusShare, ...], Field(min_length=1), Tag("<mixture>")],
@@ -194,11 +204,13 @@ class Lattice(Model):
     ]
     """One radius [m], or a mixture."""
     spacing: Annotated[float, number("largest diameters", 1)] = 1.05
+    """Distance of neighboring lattice sites [largest diameters]."""
     jitter: Annotated[float, number("free gap", 0, 1)] = 0.9
     """Random shift as a share of the gap between lattice neighbors [1]; below 1 nothing overlaps."""
     velocity_rms: Annotated[float, number("m/s", 0)] = 0.0
     """Root mean square of each (normally distributed) velocity component [m/s]."""
     seed: Annotated[int, Field(strict=True, ge=0), BeforeValidator(as_python)] = 0
+    """Seed of the random shifts, radii and velocities."""
 
 
 class Vibration(Model):
@@ -221,8 +233,11 @@ class Wall(Model):
     """
 
     kind: str
+    """Kind of wall."""
     name: Name
+    """Name of the wall; unique."""
     material: Name
+    """Its material."""
     removed_at: Annotated[float, positive("s")] | None = None
     """The wall is a gate: it is there until this time."""
 
@@ -271,12 +286,19 @@ class Plane(Wall):
     """Infinite plane wall; particles live on the side its normal points to. With `removed_at`: a gate."""
 
     kind: Literal["plane"] = "plane"  # type: ignore[assignment]
+    """Kind of wall."""
     name: Name
+    """Name of the wall; unique."""
     material: Name
+    """Its material."""
     point: Annotated[Vector, vector("m")]
+    """A point of the plane [m]."""
     normal: Annotated[Vector, vector("1", nonzero=True)]
+    """Normal of any length, towards the particles."""
     removed_at: Annotated[float, positive("s")] | None = None
+    """The plane is a gate: it is there until this time [s]."""
     vibration: Vibration | None = None
+    """Saw-tooth motion along the normal."""
 
     def elements(self, lo: Vector, hi: Vector) -> list[Wall]:
         """The plane with `unit_normal`."""
@@ -356,11 +378,17 @@ class Box(Model):
     """Axis-aligned planes at the chosen sides of lo..hi (default: the domain), facing inwards."""
 
     kind: Literal["box"]
+    """Kind of wall."""
     name: Name
+    """Name of the box; its planes are called NAME_SIDE."""
     material: Name
+    """Material of its planes."""
     sides: Annotated[tuple[Side, ...], Field(min_length=1)] = ("xlo", "xhi", "ylo", "yhi", "zlo", "zhi")
+    """Sides that have a plane."""
     lo: Annotated[Vector, vector("m")] | None = None
+    """Lower corner [m]; default: that of the domain."""
     hi: Annotated[Vector, vector("m")] | None = None
+    """Upper corner [m]; default: that of the domain."""
 
     def elements(self, lo: Vector, hi: Vector) -> list[Wall]:
         """One plane for each side, named `<box>_<side>`."""
@@ -411,16 +439,20 @@ class Domain(Model):
     """Where particles may be: one that leaves lo..hi is an error, except through periodic sides."""
 
     lo: Annotated[Vector, vector("m")]
+    """Lower corner [m]."""
     hi: Annotated[Vector, vector("m")]
+    """Upper corner [m]."""
     periodic: Flags = (False, False, False)
+    """Whether the sides across x, y and z are periodic."""
 
 
 class Time(Model):
     """Time step and length of a run."""
 
     step: Annotated[float, positive("s")]
-    """Or "auto": the step that `accuracy` needs (`gpudem.scene.time_step.step_for`)."""
+    """Time step [s], or "auto": the step that `accuracy` needs (`gpudem.scene.time_step.step_for`)."""
     duration: Annotated[float, positive("s")]
+    """Length of the run [s]; rounded up to whole steps, and to whole frames where frames are written."""
     accuracy: Annotated[float, number("1", 1e-6, 0.1)] | None = None
     """Of step = "auto": largest position error in a contact, as a share of its largest overlap."""
 
