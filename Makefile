@@ -1,7 +1,7 @@
 # The two commands of the README. Both set up what is missing first; a second run skips that in under a second.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help verify test test-fast mutants lint setup clean
+.PHONY: help verify test test-fast mutants lint docs setup clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' Makefile | expand -t 18
@@ -31,9 +31,14 @@ lint: ## ruff, its formatter and the type checker
 	.venv/bin/ruff format --check .
 	.venv/bin/pyright --warnings
 
+docs: ## build the documentation, without a network; last line: its first page
+	@bash tools/setup.sh docs
+	@.venv/bin/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+	@echo docs/_build/html/index.html
+
 setup: ## everything that verify, test and lint need
 	@bash tools/setup.sh run test lint
 
 clean: ## remove the environment and caches; keeps runs/
-	rm -rf .venv build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv build dist docs/_build docs/generated *.egg-info .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -not -path './runs/*' -prune -exec rm -rf {} +

@@ -1,25 +1,30 @@
 """The code blocks of the documentation, run as tests: each page in a folder of its own.
 
-A block with a caption is a file of that name; `console` blocks run their `$` commands there, and what they show must
-be printed, digits apart; Python blocks without a caption run in the page's own names.
+A block with a caption is a file of that name; `console` blocks run their `$` commands there, and what they
+show must be printed, digits apart; Python blocks without a caption run in the page's own names.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
+import tempfile
 import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import pytest
 from sybil import Document, Example, Region, Sybil
 from sybil.parsers.myst import SkipParser
 
 ROOT = Path(__file__).resolve().parents[1]
-BLOCK = re.compile(r"^```\{?(?:code-block\} )?(\w+)\}?\n((?::\w+:.*\n)*)(.*?)^```$", re.MULTILINE | re.DOTALL)
+BLOCK = re.compile(
+    r"^```\{?(?:code-block\} )?(\w+)\}?\n((?::\w+:[^\n]*\n)*)(.*?)^```$", re.MULTILINE | re.DOTALL
+)
 
 
 def blocks(document: Document) -> Iterator[Region]:
@@ -39,7 +44,9 @@ def blocks(document: Document) -> Iterator[Region]:
 
 def includes(document: Document) -> Iterator[Region]:
     """Files that a page shows with a caption."""
-    for found in re.finditer(r"^```\{literalinclude\} (\S+)\n((?::\w+:.*\n)*)```$", document.text, re.MULTILINE):
+    for found in re.finditer(
+        r"^```\{literalinclude\} (\S+)\n((?::\w+:.*\n)*)```$", document.text, re.MULTILINE
+    ):
         caption = re.search(r":caption: *(\S+)", found[2])
         if caption:
             text = (Path(document.path).parent / found[1]).read_text()
@@ -61,9 +68,10 @@ def run_python(example: Example) -> None:
 def run_commands(example: Example) -> None:
     """Run the commands of a block and compare what they print with what the page shows."""
     for command, expected, shown in commands(example.parsed):
+        path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
         done = subprocess.run(
             ["bash", "-c", command], capture_output=True, text=True, timeout=280,
-            env={**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)},
+            env={**os.environ, "PATH": path, "PYTHONPATH": str(ROOT)},
         )  # fmt: skip
         printed = done.stdout + done.stderr
         assert done.returncode == expected, f"$ {command}: exit code {done.returncode}\n{printed}"
@@ -97,10 +105,10 @@ def plain(text: str) -> str:
 
 
 def enter(namespace: dict[str, Any]) -> None:
-    """A folder for the page."""
-    import tempfile
-
+    """A folder for the page, with the files of examples/."""
     folder = tempfile.TemporaryDirectory()
+    for path in (ROOT / "examples").glob("*.*"):
+        shutil.copy(path, folder.name)
     namespace |= {"_folder": folder, "_before": os.getcwd()}
     os.chdir(folder.name)
 
@@ -109,6 +117,13 @@ def leave(namespace: dict[str, Any]) -> None:
     """Back to where the tests run."""
     os.chdir(namespace["_before"])
     namespace["_folder"].cleanup()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """They compile kernels: not part of the fast tests."""
+    for item in items:
+        if Path(__file__).parent in item.path.parents:
+            item.add_marker("long")
 
 
 pytest_collect_file = Sybil(

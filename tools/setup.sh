@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Sets up a Debian or Ubuntu machine for gpudem: Debian packages (only where missing), .venv, Python packages.
 #
-#   bash tools/setup.sh [run] [test] [lint]
+#   bash tools/setup.sh [run] [test] [lint] [docs]
 #
 # Runs as root or through sudo. A second run with the same pyproject.toml does nothing.
 set -euo pipefail
@@ -114,17 +114,17 @@ fresh() { [[ -f .venv/gpudem-$1 && $(<".venv/gpudem-$1") == "$key" && -x .venv/b
 
 stale=()
 for part in "${parts[@]}"; do
-  [[ $part =~ ^(run|test|lint)$ ]] || die "unknown part '$part'; known: run, test, lint"
+  [[ $part =~ ^(run|test|lint|docs)$ ]] || die "unknown part '$part'; known: run, test, lint, docs"
   fresh "$part" || stale+=("$part")
 done
-if [[ ${parts[*]} != lint ]]; then install_liggghts; fi
+if wants run || wants test; then install_liggghts; fi
 ((${#stale[@]})) || exit 0
 
 start=$SECONDS
-if [[ ${stale[*]} != lint ]]; then install_libraries; fi
+if [[ " ${stale[*]} " =~ \ (run|test)\  ]]; then install_libraries; fi
 if wants test; then install_browser; fi
 extras=$(for part in "${stale[@]}"; do extras_of "$part"; done | paste -sd,)
 install_packages "[$extras]"
-if wants test; then stale+=(run); fi # what tests need covers what a run needs
+if wants test; then stale+=(run docs); fi # what tests need covers what a run and the documentation need
 for part in "${stale[@]}"; do printf '%s' "$key" >".venv/gpudem-$part"; done
 say "done in $((SECONDS - start)) s"

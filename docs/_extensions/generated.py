@@ -1,7 +1,7 @@
 """Pages made from the code when the documentation is built, so that they cannot go stale.
 
-generated/scene.md from the pydantic models, generated/laws.md from the registry of laws, generated/observables.md,
-generated/verification/*.md from the cases and their recorded results.
+In generated/: scene.md from the pydantic models, laws.md and observables.md from the registries,
+verification/*.md from the cases and their recorded results.
 """
 
 from __future__ import annotations
@@ -216,9 +216,10 @@ def verification_pages() -> dict[str, str]:
 
     cases = find_cases()
     rows = [
-        [f"[{c.title}](#case-{c.name})", code(c.name), *(str(len(c.checks_of(t))) if t in c.tiers else "–" for t in TIERS)]
+        [f"[{c.title}](#case-{c.name})", code(c.name)]
+        + [str(len(c.checks_of(tier))) if tier in c.tiers else "" for tier in TIERS]
         for c in cases
-    ]  # fmt: skip
+    ]
     index = [
         "# Cases\n",
         "What is compared, with what, how closely and why. The numbers are those of the checks in each tier:"
@@ -248,7 +249,7 @@ def case_page(case: Any) -> str:
     for check in checks.values():
         text.append(
             f"**{check.name}**\n: {_allowed(check)}, against {check.against}. {sentence(check.reason)}"
-            f" Would detect: {sentence(check.catches)}\n"
+            f" Would detect: {check.catches}.\n"
         )
     recorded = recorded_cases.find(case.name)
     if recorded is not None:
@@ -270,7 +271,7 @@ def _recorded(recorded: Any) -> str:
     where = f"{facts['date']}, commit `{facts['commit']}`, {facts['hardware']['cpu']}"
     rows = [
         [check.name, "holds" if check.status == "pass" else check.status.replace("_", " "),
-         "–" if check.value is None else f"{check.value:.3g}", check.allowed]
+         "" if check.value is None else f"{check.value:.3g}", check.allowed]
         for check in recorded.checks
     ]  # fmt: skip
     intro = f"## Recorded run of the {recorded.tier} tier\n\n{where}, {recorded.wall_s / 60:.0f} min.\n"

@@ -1,7 +1,7 @@
 """Observables: the columns of a history, by name. A scene chooses them by `output.history`.
 
 An observable is a function of the state at one step (`gpudem.output.view.View`). Another package adds one by
-an entry point of the group `gpudem.observables` that leads to an `Observable`, or at run time by `register`:
+an entry point of the group `gpudem.observables` that leads to an `Observable`, or at run time by `register`::
 
     from gpudem.output.observables import observable
 
