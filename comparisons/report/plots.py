@@ -126,9 +126,28 @@ def figure(
         return plt.subplots(rows, columns, figsize=(width, height), **options)
 
 
-def legend(axes: Axes, **options: Any) -> None:
-    """A legend where something is labelled, each label once."""
+def marks(code: str, **changes: Any) -> dict[str, Any]:
+    """Points of a code where color says something else: crosses for gpudem, open symbols for the others."""
+    shape = "xos^vD"[list(codes.CODES).index(code) % 6] if code in codes.CODES else "o"
+    return {"marker": shape, "linestyle": "none", "markersize": 5, "markerfacecolor": "none", **changes}
+
+
+def line_or_marks(code: str, length: int, **changes: Any) -> dict[str, Any]:
+    """The same for a curve of `length` points: gpudem as a line, the others as some 25 points on it."""
+    if code == "gpudem":
+        return {"linestyle": "-", **changes}
+    return marks(code, markersize=4, markevery=max(1, length // 25), **changes)
+
+
+def legend(axes: Axes, *, points: Sequence[str] = (), lines: Sequence[str] = (), **options: Any) -> None:
+    """A legend where something is labelled, each label once; below it, in black, how codes are drawn:
+    `points` of them by `marks`, `lines` by `line_or_marks`.
+    """
+    from matplotlib.lines import Line2D
+
     handles = {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    drawn = [(who, marks(who)) for who in points] + [(who, line_or_marks(who, 1)) for who in lines]
+    handles |= {name(who): Line2D([], [], color=INK, **look) for who, look in drawn}
     if handles:
         axes.legend(handles.values(), handles.keys(), **options)
 

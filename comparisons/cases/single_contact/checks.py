@@ -10,13 +10,13 @@ from comparisons.cases.single_contact.meetings import (
     Meeting,
     errors,
     exact,
+    expected,
     observables,
     overlap,
     relative_velocity,
 )
 from comparisons.harness import check_builders as build
 from comparisons.harness.case import Measured, PerCode, PerPair, Results, largest, relative
-from comparisons.oracles import closed_forms
 from gpudem.output.run import Run
 
 CODES = ("gpudem", "liggghts")
@@ -117,22 +117,12 @@ def against_closed_forms(
         "rebound": "a damping constant that is wrong or depends on speed; limit_force mixed up",
     }
 
-    def expected(results: Results, run: Run, m: Meeting, quantity: str) -> float:
-        truth = exact(results, run.scene, m)
-        if quantity == "rebound":
-            return closed_forms.restitution(truth.bodies, limit_force)
-        if quantity == "contact_time":
-            return closed_forms.contact_time(truth.bodies, truth.speed, limit_force)
-        return closed_forms.peak_overlap(truth.bodies, truth.speed)
-
     def error(results: Results, code: str, quantity: str) -> Measured:
-        run = results[results.finest(prefix), code]
-        return largest(
-            {
-                m.label: relative(observables(results, run, m)[quantity], expected(results, run, m, quantity))
-                for m in meetings
-            }
-        )
+        run, found = results[results.finest(prefix), code], {}
+        for m in meetings:
+            wanted = expected(exact(results, run.scene, m), limit_force)[quantity]
+            found[m.label] = relative(observables(results, run, m)[quantity], wanted)
+        return largest(found)
 
     return tuple(
         build.per_code(

@@ -6,11 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from comparisons.cases.single_contact.checks import CODES
-from comparisons.cases.single_contact.meetings import Meeting, errors, exact, observables, relative_velocity
+from comparisons.cases.single_contact.meetings import (
+    Meeting,
+    errors,
+    exact,
+    expected,
+    observables,
+    relative_velocity,
+)
+from comparisons.harness import codes
 from comparisons.harness.case import Figure, Results, Table
 from comparisons.metrics import trace as measure
-from comparisons.oracles import closed_forms
 from comparisons.report import plots
 
 if TYPE_CHECKING:
@@ -19,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def overlay(meetings: list[Meeting], prefix: str = "", component: int = 0, title: str = "") -> Figure:
-    """Velocity of both codes in time, and below their differences from each other and the exact motion.
+    """Velocity of the codes in time, and below their differences from each other and from the exact motion.
 
     Component 0: along the normal at the first touch, 1: along the slip.
     """
@@ -30,41 +36,35 @@ def overlay(meetings: list[Meeting], prefix: str = "", component: int = 0, title
             2, 1, width=plots.WHOLE, height=5.4, sharex=True, height_ratios=(1.5, 1)
         )
         label = results.finest(prefix)
-        time = results[label, "gpudem"].trace["time"]
+        ran = results.codes(label)
+        time = results[label, ran[0]].trace["time"]
         for k, m in enumerate(meetings):
-            truth = exact(results, results[label, "gpudem"].scene, m)
-            scale, curves = float(np.hypot(truth.speed, truth.slip)), {}
+            truth = exact(results, results[label, ran[0]].scene, m)
+            scale, direction = float(np.hypot(truth.speed, truth.slip)), truth.frame[component]
             since = (time - truth.touch) / truth.contact.duration
-            for code in results.codes(label):
-                run = results[label, code]
-                curves[code] = relative_velocity(run, m) @ truth.frame[component] / scale
-                thin = slice(None, None, max(1, len(since) // 25)) if code != "gpudem" else slice(None)
-                style, text = ("-", m.label) if code == "gpudem" else ("o", None)
-                top.plot(since[thin], curves[code][thin], style, color=plots.SERIES[k], ms=3, label=text)
+            curves = {code: relative_velocity(results[label, code], m) @ direction / scale for code in ran}
+            for code, curve in curves.items():
+                text = m.label if code == ran[0] else None
+                look = plots.line_or_marks(code, len(since), color=plots.SERIES[k], label=text)
+                top.plot(since, curve, **look)
             at = truth.at(time)["velocity"]
             relative = at[:, 0] - (at[:, 1] if len(m.rows) > 1 else 0)
-            late = curves["gpudem"] - relative @ truth.frame[component] / scale
-            low.semilogy(since, _floor(late), "--", color=plots.SERIES[k])
-            if len(curves) > 1:
-                low.semilogy(since, _floor(curves["gpudem"] - curves["liggghts"]), "-", color=plots.SERIES[k])
+            gaps = [("--", curves[ran[0]] - relative @ direction / scale)]
+            gaps += [("-", curves[a] - curves[b]) for a, b in codes.pairs(ran)]
+            for dash, gap in gaps:
+                low.semilogy(since, np.maximum(np.abs(gap), 1e-18), dash, color=plots.SERIES[k])
         top.set_ylabel(f"{name} velocity / impact speed")
-        low.set_ylabel("difference")
-        low.set_xlabel("time since the first touch / contact time")
-        low.set_xlim(-0.1, 1.3)
-        low.set_title("solid: gpudem - LIGGGHTS, dashed: gpudem - ODE", fontsize=9)
-        plots.legend(top, ncols=2)
+        low.set(ylabel="difference", xlabel="time since the first touch / contact time", xlim=(-0.1, 1.3))
+        low.set_title(f"solid: between the codes, dashed: {plots.name(ran[0])} - ODE", fontsize=9)
+        plots.legend(top, lines=ran, ncols=2)
         return figure
 
     return Figure(
         title or f"{name.capitalize()} velocity through the impact",
-        "Above: gpudem (lines) on LIGGGHTS (dots). Below: the codes differ from each other by rounding,"
-        " and both differ from the exact motion by the error of the time step, which they share.",
-        draw, needs=CODES,
-    )  # fmt: skip
-
-
-def _floor(difference: np.ndarray) -> np.ndarray:
-    return np.maximum(np.abs(difference), 1e-18)
+        "Top: velocities of the codes. Bottom: the codes differ from each other by rounding, and from the"
+        " exact motion by the error of the time step, which they have in common.",
+        draw,
+    )
 
 
 def convergence(meetings: list[Meeting], prefix: str = "") -> Figure:
@@ -72,22 +72,24 @@ def convergence(meetings: list[Meeting], prefix: str = "") -> Figure:
 
     def draw(results: Results) -> MatplotlibFigure:
         figure, axes = plots.figure(height=4.2)
+        ran = results.codes()
         for k, m in enumerate(meetings):
-            for code in results.codes():
+            for code in ran:
                 rows = _ladder(results, prefix, code, m)
-                slope = measure.observed_order(rows[:, 0], rows[:, 2])
-                line, text = ("-", f"{m.label}: order {slope:.2f}") if code == "gpudem" else ("o", None)
-                axes.loglog(rows[:, 0], rows[:, 2], line, color=plots.SERIES[k], label=text, mfc="none")
+                order = measure.observed_order(rows[:, 0], rows[:, 2])
+                text = f"{m.label}: order {order:.2f}" if code == ran[0] else None
+                look = plots.line_or_marks(code, len(rows), color=plots.SERIES[k], label=text)
+                axes.loglog(rows[:, 0], rows[:, 2], **look)
         axes.set(xlabel="time step [s]", ylabel="largest velocity error / impact speed")
-        plots.legend(axes)
+        plots.legend(axes, lines=ran)
         return figure
 
     return Figure(
         "Error against time step",
-        "gpudem (lines) and LIGGGHTS (circles) against the exact motion. A dashpot that sees half-step"
-        " velocities makes damped impacts first order; without damping the scheme is second order.",
+        "Largest velocity error against the exact motion. Damped impacts are first order, since the dashpot"
+        " sees half-step velocities; without damping the scheme is second order.",
         draw,
-    )  # fmt: skip
+    )
 
 
 def work_precision(meetings: list[Meeting], prefix: str = "") -> Figure:
@@ -102,19 +104,18 @@ def work_precision(meetings: list[Meeting], prefix: str = "") -> Figure:
 
     return Figure(
         "Error against stepping time",
-        "What a given error costs. With so few particles a step costs its fixed overhead alone, so that"
-        " this shows the overhead of a step, not the speed of either code on a large scene.",
+        "Run time for a given error. With so few particles this is the fixed cost of a step, not the speed of"
+        " a code on a large scene.",
         draw, section="work_precision",
     )  # fmt: skip
 
 
 def _ladder(results: Results, prefix: str, code: str, m: Meeting) -> np.ndarray:
     """Rows of (step [s], stepping time [s], velocity error), by step."""
-    rows = []
-    for label in results.labels(prefix=prefix):
-        run = results[label, code]
-        rows.append((run.scene.time.step, run.timing.stepping_s, errors(results, run, m)["velocity"]))
-    return np.array(sorted(rows))
+    runs = [results[label, code] for label in results.labels(code, prefix=prefix)]
+    return np.array(
+        sorted((r.scene.time.step, r.timing.stepping_s, errors(results, r, m)["velocity"]) for r in runs)
+    )
 
 
 def observables_table(meetings: list[Meeting], prefix: str = "", limit_force: bool = False) -> Table:
@@ -126,16 +127,11 @@ def observables_table(meetings: list[Meeting], prefix: str = "", limit_force: bo
         rows, label = [], results.finest(prefix)
         for m in meetings:
             truth = exact(results, results[label, results.codes(label)[0]].scene, m)
-            want = (
-                1e6 * closed_forms.peak_overlap(truth.bodies, truth.speed),
-                1e6 * closed_forms.contact_time(truth.bodies, truth.speed, limit_force),
-                closed_forms.restitution(truth.bodies, limit_force),
-            )
-            rows.append((m.label, "closed form", *want))
-            for code in results.codes(label):
-                got = observables(results, results[label, code], m)
+            found = {"closed form": expected(truth, limit_force)}
+            found |= {code: observables(results, results[label, code], m) for code in results.codes(label)}
+            for who, got in found.items():
                 rows.append(
-                    (m.label, code, 1e6 * got["peak_overlap"], 1e6 * got["contact_time"], got["rebound"])
+                    (m.label, who, 1e6 * got["peak_overlap"], 1e6 * got["contact_time"], got["rebound"])
                 )
         return pandas.DataFrame(
             rows, columns=["impact", "by", "peak overlap [um]", "time to zero overlap [us]", "rebound [1]"]

@@ -1,19 +1,18 @@
-"""Two spheres meet head-on: unequal radii, densities and materials, restitution 0.3, 0.6, 0.9 and 1 in one
-scene.
-"""
+"""Head-on impacts of two spheres of unequal radius, density and material, restitution 0.3 to 1."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from comparisons.cases.single_contact import figures as impact_figures
+from comparisons.cases.side_by_side import every_pair
+from comparisons.cases.single_contact import figures
 from comparisons.cases.single_contact.checks import against_closed_forms, against_ode, step_by_step
 from comparisons.cases.single_contact.meetings import Meeting, ladder
 from comparisons.harness.case import Case, Tier, Variant
 from gpudem.scene import Domain, Explicit, Material, Output, Pair, Scene, Time
 
-#: Restitution, approach speed [m/s] and direction of each pair; speeds and directions differ so that an
-#: axis mixed up, or a damping that depends on speed, shows.
+#: Restitution, approach speed [m/s] and direction of each pair; they differ to detect a wrong axis, or a
+#: damping that depends on speed.
 PAIRS = (
     (0.3, 1.0, (1.0, 0.0, 0.0)),
     (0.6, 0.8, (0.0, 0.0, 1.0)),
@@ -37,23 +36,20 @@ SECOND_ORDER = "velocity Verlet without damping is second order: about 1/steps^2
 
 def scene(dt: float) -> Scene:
     """All pairs, `FLIGHT` before their touch."""
-    position, velocity, radius, material = [], [], [], []
-    for k, (_, speed, direction) in enumerate(PAIRS):
-        n = np.array(direction) / np.linalg.norm(direction)
-        centre = np.array([SPACING * k, 0.0, 0.0])
-        gap = speed * FLIGHT
-        position += [centre, centre + (sum(RADII) + gap) * n]
+    position, velocity, partners, pairs = [], [], [f"partner_{k}" for k in range(len(PAIRS))], []
+    for k, (restitution, speed, direction) in enumerate(PAIRS):
+        n, start = np.array(direction) / np.linalg.norm(direction), np.array([SPACING * k, 0.0, 0.0])
+        position += [start, start + (sum(RADII) + speed * FLIGHT) * n]
         velocity += [0.75 * speed * n, -0.25 * speed * n]
-        radius += RADII
-        material += ["ball", f"partner_{k}"]
-    partners = [f"partner_{k}" for k in range(len(PAIRS))]
-    pairs = [Pair(materials=("ball", p), restitution=e) for p, (e, _, _) in zip(partners, PAIRS, strict=True)]
-    pairs += [Pair(materials=("ball", "ball"))]  # never meet: stated because both codes want the whole table
-    pairs += [Pair(materials=(a, b)) for k, a in enumerate(partners) for b in partners[k:]]
-    materials = {"ball": BALL} | dict.fromkeys(partners, PARTNER)
+        pairs.append(Pair(materials=("ball", partners[k]), restitution=restitution))
     return Scene(
-        name="head_on", title=f"head-on pairs, step {dt:.3g} s", materials=materials, pairs=pairs,
-        particles=Explicit(position=position, velocity=velocity, radius=radius, material=material),
+        name="head_on", title=f"head-on pairs, step {dt:.3g} s",
+        materials={"ball": BALL} | dict.fromkeys(partners, PARTNER),
+        pairs=every_pair(["ball", *partners], pairs),
+        particles=Explicit(
+            position=position, velocity=velocity, radius=RADII * len(PAIRS),
+            material=[name for partner in partners for name in ("ball", partner)],
+        ),
         domain=Domain(lo=(-0.05, -0.05, -0.05), hi=(SPACING * len(PAIRS), 0.05, 0.05)),
         time=Time(step=dt, duration=DURATION), output=Output(trace_every=dt),
     )  # fmt: skip
@@ -67,12 +63,11 @@ CASE = Case(
     name="head_on",
     title="Two spheres, head-on",
     purpose=(
-        "The smallest scene with a contact: if the normal force, its damping, the effective mass or the"
-        " order of a step is wrong, it shows here with nothing else to blame. Four pairs of spheres of"
-        " unequal radius, density and modulus meet in four directions with restitution 0.3, 0.6, 0.9 and"
-        " 1. The two codes must agree to rounding at every step; both must tend to the exact solution of"
-        " the continuous law as the step shrinks, at first order where there is damping (its force sees"
-        " half-step velocities) and at second order where there is none."
+        "The smallest scene with a contact, where an error in the normal force, its damping, the effective"
+        " mass or the order of a step has nothing to hide behind. Four pairs of spheres of unequal radius,"
+        " density and modulus collide in four directions with restitution 0.3, 0.6, 0.9 and 1. The codes must"
+        " agree to rounding at every step. Each must converge to the exact solution of the continuous law, at"
+        " first order with damping (the dashpot sees half-step velocities), at second order without."
     ),
     source="Closed forms: Hertz (1882), Antypov and Elliott (2011); ODE: DOP853, rtol 1e-13; LIGGGHTS.",
     variants=variants,
@@ -83,12 +78,8 @@ CASE = Case(
         *against_closed_forms("damped", DAMPED, dict.fromkeys(QUANTITIES, 1e-3), why=FIRST_ORDER),
         *against_closed_forms("elastic", ELASTIC, dict.fromkeys(QUANTITIES, 2e-6), why=SECOND_ORDER),
     ),
-    figures=(
-        impact_figures.overlay(MEETINGS),
-        impact_figures.convergence(MEETINGS),
-        impact_figures.work_precision(MEETINGS),
-    ),
-    tables=(impact_figures.observables_table(MEETINGS),),
+    figures=(figures.overlay(MEETINGS), figures.convergence(MEETINGS), figures.work_precision(MEETINGS)),
+    tables=(figures.observables_table(MEETINGS),),
     features=("normal hertz", "damping", "several materials", "several radii", "sphere-sphere"),
     order=10,
 )

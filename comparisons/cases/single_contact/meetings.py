@@ -1,6 +1,4 @@
-"""Many impacts in one scene, far apart: how the few-particle cases are stated and read, the same for all of
-them.
-"""
+"""Many impacts in one scene, far apart: statement and evaluation that all cases of few particles share."""
 
 from __future__ import annotations
 
@@ -10,6 +8,7 @@ import numpy as np
 
 from comparisons.harness.case import Results, Tier
 from comparisons.metrics import trace as measure
+from comparisons.oracles import closed_forms
 from comparisons.oracles.impact import Impact, impact
 from gpudem.output.run import Run
 from gpudem.scene import Scene
@@ -17,7 +16,7 @@ from gpudem.scene import Scene
 
 @dataclasses.dataclass(frozen=True)
 class Meeting:
-    """Particle row `row` meets row `other`, or the plane of that name."""
+    """One impact: particle row `row` on row `other`, or on the plane of that name."""
 
     label: str
     row: int
@@ -29,8 +28,8 @@ class Meeting:
         return [self.row] if isinstance(self.other, str) else [self.row, self.other]
 
 
-#: Steps before the touch, and a half: it falls in the middle of a step at every rung, so that the share of
-#: the first step spent in contact, an error of first order by itself, is the same at all of them.
+#: Steps before the touch, less a half: the touch is in the middle of a step on every rung, so that the part
+#: of the first step in contact, an error of first order by itself, is the same on all of them.
 RUNGS = {"quick": (121, 40, 13, 4), "standard": (364, 121, 40, 13, 4), "full": (364, 121, 40, 13, 4)}
 
 
@@ -69,6 +68,15 @@ def observables(results: Results, run: Run, meeting: Meeting) -> dict[str, float
         "peak_overlap": measure.peak(time, deep)[1],
         "contact_time": end - begin,
         "rebound": measure.rebound(relative_velocity(run, meeting), normal),
+    }
+
+
+def expected(truth: Impact, limit_force: bool) -> dict[str, float]:
+    """The same by closed forms, of an impact along the normal."""
+    return {
+        "peak_overlap": closed_forms.peak_overlap(truth.bodies, truth.speed),
+        "contact_time": closed_forms.contact_time(truth.bodies, truth.speed, limit_force),
+        "rebound": closed_forms.restitution(truth.bodies, limit_force),
     }
 
 

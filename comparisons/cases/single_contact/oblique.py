@@ -1,6 +1,4 @@
-"""Oblique impacts with friction and spin, on a wall and between two spheres, from sticking to gross
-sliding.
-"""
+"""Oblique impacts with friction and spin, on a wall and between spheres, from sticking to gross sliding."""
 
 from __future__ import annotations
 
@@ -9,12 +7,12 @@ import math
 
 import numpy as np
 
-from comparisons.cases.single_contact import figures as impact_figures
-from comparisons.cases.single_contact import sliding
+from comparisons.cases.side_by_side import floor
+from comparisons.cases.single_contact import figures, sliding
 from comparisons.cases.single_contact.checks import against_ode, step_by_step
 from comparisons.cases.single_contact.meetings import Meeting, ladder
 from comparisons.harness.case import Case, Tier, Variant
-from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
+from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Scene, Time
 
 FRICTION, SPEED, SPACING = 0.3, 1.0, 0.03
 #: Time of the touch and of the run [s]; a contact takes some 60e-6 s.
@@ -38,21 +36,21 @@ class Throw:
     """R w of the second particle; None: the wall."""
 
 
-#: Slip sticks below 0.05, slips and grips again between, slides throughout above 3.5 mu (1 + e), some 2 m/s.
+#: A contact sticks below a slip of 0.05 m/s and slides throughout above 3.5 mu (1 + e) v_n, some 2 m/s.
 THROWS = (
     Throw("wall, elastic, sticks", 1.0, 0.06),
-    Throw("wall, elastic, slips, grips, slips", 1.0, 0.5),
+    Throw("wall, elastic, slips, sticks, slips", 1.0, 0.5),
     Throw("wall, elastic, slides", 1.0, 2.5),
-    Throw("wall, elastic, slides by spin alone", 1.0, 0.0, spin=-2.6),
+    Throw("wall, elastic, slides by spin only", 1.0, 0.0, spin=-2.6),
     Throw("wall, e = 0.6, sticks", 0.6, 0.05),
-    Throw("wall, e = 0.6, slips and grips", 0.6, 0.5),
-    Throw("wall, e = 0.6, slips and grips twice", 0.6, 1.0),
+    Throw("wall, e = 0.6, slips and sticks", 0.6, 0.5),
+    Throw("wall, e = 0.6, slips and sticks twice", 0.6, 1.0),
     Throw("wall, e = 0.6, slides", 0.6, 3.0),
     Throw("wall, e = 0.6, back spin", 0.6, 0.8, spin=1.4),
-    Throw("pair, elastic, slips, grips, slips", 1.0, 0.5, 0.1, -0.2),
+    Throw("pair, elastic, slips, sticks, slips", 1.0, 0.5, 0.1, -0.2),
     Throw("pair, elastic, slides", 1.0, 2.5, -0.3, 0.2),
     Throw("pair, e = 0.6, sticks", 0.6, 0.1, 0.0, 0.0),
-    Throw("pair, e = 0.6, slips and grips", 0.6, 0.7, 0.1, 0.2),
+    Throw("pair, e = 0.6, slips and sticks", 0.6, 0.7, 0.1, 0.2),
     Throw("pair, e = 0.6, slides", 0.6, 3.0, 0.0, 0.5),
     Throw("pair, e = 0.6, spins only", 0.6, 0.0, 0.5, 0.4),
 )
@@ -61,35 +59,28 @@ MEETINGS = [
     Meeting(t.what, k, "floor") if k < N_WALL else Meeting(t.what, 2 * k - N_WALL, 2 * k - N_WALL + 1)
     for k, t in enumerate(THROWS)
 ]
-SLIDING = [m for m, t in zip(MEETINGS, THROWS, strict=True) if t.partner_spin is None and "slides" in t.what]
+SLIDING = [MEETINGS[k] for k, t in enumerate(THROWS[:N_WALL]) if "slides" in t.what]
 
 
 def _particles() -> Explicit:
-    """Every throw placed `FLIGHT` before its touch, each with its own direction in space."""
+    """Every throw `FLIGHT` before its touch, each with its own direction in space."""
     rows: list[tuple[np.ndarray, np.ndarray, np.ndarray, float, str]] = []
     for k, throw in enumerate(THROWS):
-        turn = 0.7 * k
-        tangent = np.array([math.cos(turn), math.sin(turn), 0.0])
-        normal = np.array([0.0, 0.0, 1.0])
-        place = np.array([SPACING * k, 0.0, RADIUS])
-        wall = throw.partner_spin is None
-        if throw.partner_spin is not None:  # tilt normal and tangent together: nothing stays along an axis
-            tilt = 0.4 + 0.5 * k
+        pair, turn, tilt = throw.partner_spin is not None, 0.7 * k, 0.4 + 0.5 * k
+        normal, tangent = np.array([0.0, 0.0, 1.0]), np.array([math.cos(turn), math.sin(turn), 0.0])
+        if pair:  # normal and tangent are tilted together: no component is along an axis
             normal, tangent = (
                 math.cos(tilt) * normal + math.sin(tilt) * tangent,
                 math.cos(tilt) * tangent - math.sin(tilt) * normal,
             )
-            place = np.array([SPACING * k, 0.0, SPACING])
-        axis = np.cross(normal, tangent)
-        velocity = -SPEED * normal + throw.tangential * tangent
-        share = 1.0 if wall else 0.8
-        name = f"{'ball' if wall else 'hit'}_{throw.restitution:g}".replace(".", "p")
+        place, axis = np.array([SPACING * k, 0.0, SPACING if pair else RADIUS]), np.cross(normal, tangent)
+        velocity, share = -SPEED * normal + throw.tangential * tangent, 0.8 if pair else 1.0
+        name = f"{'hit' if pair else 'ball'}_{throw.restitution:g}".replace(".", "p")
         spin = throw.spin / RADIUS * axis
         rows.append((place - share * FLIGHT * velocity, share * velocity, spin, RADIUS, name))
-        if not wall:
-            partner = place - (RADIUS + PARTNER_RADIUS) * normal
-            away = (share - 1.0) * velocity
-            spin = (throw.partner_spin or 0.0) / PARTNER_RADIUS * axis
+        if throw.partner_spin is not None:
+            partner, away = place - (RADIUS + PARTNER_RADIUS) * normal, (share - 1.0) * velocity
+            spin = throw.partner_spin / PARTNER_RADIUS * axis
             rows.append((partner - FLIGHT * away, away, spin, PARTNER_RADIUS, name))
     position, velocity, spin, radius, material = zip(*rows, strict=True)
     return Explicit(
@@ -99,23 +90,14 @@ def _particles() -> Explicit:
 
 def scene(contact: Contact, dt: float) -> Scene:
     """All throws, `FLIGHT` before their touch."""
-    names = ["ball_1", "ball_0p6", "hit_1", "hit_0p6"]
-    value = {"1": 1.0, "0p6": 0.6}
-    pairs = [
-        Pair(materials=(n, "wall"), restitution=value[n.split("_")[1]], friction=FRICTION) for n in names
-    ]
-    pairs += [
-        Pair(materials=(a, b), restitution=value[a.split("_")[1]], friction=FRICTION)
-        for k, a in enumerate(names)
-        for b in names[k:]
-    ]
-    reach = SPACING * len(THROWS)
+    names = {"ball_1": 1.0, "ball_0p6": 0.6, "hit_1": 1.0, "hit_0p6": 0.6}
+    tables = [(n, "wall") for n in names] + [(a, b) for k, a in enumerate(names) for b in list(names)[k:]]
     return Scene(
         name="oblique", title=f"oblique impacts, step {dt:.3g} s",
-        materials=dict.fromkeys(names, BALL) | {"wall": WALL}, pairs=pairs, contact=contact,
-        particles=_particles(),
-        walls=[Plane(name="floor", material="wall", point=(0, 0, 0), normal=(0, 0, 1))],
-        domain=Domain(lo=(-0.05, -0.05, -0.001), hi=(reach + 0.05, 0.05, 0.1)),
+        materials=dict.fromkeys(names, BALL) | {"wall": WALL}, contact=contact,
+        pairs=[Pair(materials=pair, restitution=names[pair[0]], friction=FRICTION) for pair in tables],
+        particles=_particles(), walls=[floor("wall")],
+        domain=Domain(lo=(-0.05, -0.05, -0.001), hi=(SPACING * len(THROWS) + 0.05, 0.05, 0.1)),
         time=Time(step=dt, duration=DURATION), output=Output(trace_every=dt),
     )  # fmt: skip
 
@@ -133,15 +115,12 @@ def variants(tier: Tier) -> list[Variant]:
 
 
 WALL_MEETINGS = MEETINGS[:N_WALL]
-ELASTIC = [
-    m for m, t in zip(MEETINGS, THROWS, strict=True) if t.restitution == 1 and not t.what.endswith("sticks")
-]
-DAMPED = [m for m, t in zip(MEETINGS, THROWS, strict=True) if t.restitution < 1]
+ELASTIC = [MEETINGS[k] for k, t in enumerate(THROWS) if t.restitution == 1 and not t.what.endswith("sticks")]
+DAMPED = [MEETINGS[k] for k, t in enumerate(THROWS) if t.restitution < 1]
 SHOWN = [MEETINGS[k] for k in (1, 2, 5, 6, 8, 12)]
 FIRST_ORDER = (
-    "the dashpots see half-step velocities, and grip and slip begin at whole steps: first order, about"
-    " 1/steps; where the normal force changes sign within the slip, the share of the step before it scatters"
-    " the error"
+    "the dashpots see half-step velocities, and sticking and slip begin at whole steps: first order, about"
+    " 1/steps; scattered if the normal force changes sign during slip, by where in a step it does"
 )
 SECOND_ORDER = "no dashpot, and slip from the first touch: second order, about 1.5/steps^2"
 
@@ -149,14 +128,13 @@ CASE = Case(
     name="oblique",
     title="Oblique impacts with friction and spin",
     purpose=(
-        "The tangential force carries a memory, and most errors of DEM codes live there: the order in"
-        " which the spring is stretched, turned and cut, the dashpot, the lever arm, the sign of a spin."
-        " Fifteen impacts, on a wall and between unequal spheres, in as many directions, stick, slide,"
-        " slip and grip again up to five times within one contact. Where a sphere slides throughout, what"
-        " it loses is known exactly: mu (1 + e) v_n. LIGGGHTS' default law takes up to a sixth more than"
-        " that from a damped impact, because friction goes by |F_n| also while the contact pulls, and its"
-        " dashpot is added on top of the cap; with limit_force on and tangential_damping off it obeys."
-        " gpudem follows either to rounding."
+        "The tangential force has a history, and most errors of DEM codes are there: the order in which the"
+        " spring is stretched, rotated and limited, the dashpot, the lever arm, the sign of a spin. Fifteen"
+        " impacts, on a wall and between unequal spheres, in as many directions, stick, slide, or change"
+        " between both up to five times within one contact. For a sphere that slides throughout, the loss is"
+        " known exactly: mu (1 + e) v_n. LIGGGHTS' default law takes up to a sixth more in a damped impact,"
+        " because the friction limit is mu |F_n| also while the contact pulls, and its dashpot is added after"
+        " the limit; with limit_force on and tangential_damping off it takes mu (1 + e) v_n."
     ),
     source="The law of LIGGGHTS' manual (hertz, tangential history) by DOP853; Coulomb's line.",
     variants=variants,
@@ -167,19 +145,19 @@ CASE = Case(
         *against_ode("elastic, slips at once", ELASTIC, 3e-6, (1.85, 2.15), "default", SECOND_ORDER),
         *sliding.sliding_checks(
             "elastic", SLIDING[:2], "default", False, 1e-8,
-            "every step takes mu F_n, so that the impulse is exact; what is left is the sinking in, 1e-9",
+            "friction is mu F_n at every step, so that the impulse is exact; the overlap leaves 1e-9",
         ),
         *sliding.sliding_checks(
             "e = 0.6, coulomb options", SLIDING[2:], "coulomb", True, 5e-3,
             "the normal dashpot makes the first touch stick until the spring is loaded, so that the exact"
-            " law itself misses the line by some 0.3 %, at any step",
+            " law itself is some 0.3 % off Coulomb's limit, at any step",
         ),
     ),
     figures=(
         sliding.rebound_map(WALL_MEETINGS, {"default": (False, True), "coulomb": (True, False)}),
-        impact_figures.overlay(SHOWN, "default", 1),
-        impact_figures.convergence(SHOWN, "default"),
-        impact_figures.work_precision(MEETINGS, "default"),
+        figures.overlay(SHOWN, "default", 1),
+        figures.convergence(SHOWN, "default"),
+        figures.work_precision(MEETINGS, "default"),
     ),
     tables=(sliding.rebound_table(WALL_MEETINGS, ("default", "coulomb")),),
     features=(

@@ -79,66 +79,50 @@ VISCOELASTIC = (
 
 
 def _constant(results: Results) -> MatplotlibFigure:
-    figure, axes = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
+    figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
     fine = np.linspace(0.051, 1, 200)
+    sizes = {"hertz": 5, "hooke": 9}
     for limit, color in ((False, plots.SERIES[0]), (True, plots.SERIES[2])):
         exact = [closed_forms.restitution(grid.bodies(e), limit) for e in fine]
-        text = "limit_force" if limit else "default"
-        axes[0].plot(fine, exact, color=plots.INK, lw=0.9)
-        for law, mark in (("hertz", "x"), ("hooke", "+")):
-            prefix = grid.label(law, limit)
-            if not results.labels(prefix=prefix):
-                continue
-            name = results.finest(prefix)
-            for code in results.codes(name):
-                got = grid.rebounds(results[name, code])
-                style = {"marker": "o", "mfc": "none", "ms": 8} if code != "gpudem" else {"marker": mark}
-                who = plots.name(code)
-                for j in (0, -1):
-                    axes[0].plot(
-                        grid.RESTITUTIONS, got[:, j], color=color, ls="none", label=f"{who} {law}, {text}",
-                        **style,
-                    )  # fmt: skip
+        left.plot(fine, exact, color=color, lw=0.9, label="limit_force" if limit else "default")
+        laws = [law for law in sizes if results.labels(prefix=grid.label(law, limit))]
+        for law, variant in [(law, results.finest(grid.label(law, limit))) for law in laws]:
+            for code in results.codes(variant):
+                got = grid.rebounds(results, variant, code)
+                look = plots.marks(code, color=color, markersize=sizes[law])
+                left.plot(grid.RESTITUTIONS, got[:, [0, -1]], **look)
                 off = np.abs(got - grid.expected(results, law, limit)).max(axis=1)
-                axes[1].semilogy(
-                    grid.RESTITUTIONS, np.maximum(off, 1e-16), color=color, ls="-", lw=0.7, **style
+                right.semilogy(
+                    grid.RESTITUTIONS, np.maximum(off, 1e-16), **{**look, "linestyle": "-"}, lw=0.7
                 )
-    axes[1].axhline(1e-3, **plots.TOLERANCE)
-    axes[0].set(xlabel="restitution in", ylabel="restitution out, at 0.01 and 10 m/s")
-    axes[1].set(xlabel="restitution in", ylabel="largest |difference| over all speeds")
-    plots.legend(axes[0], fontsize=7.5)
+    right.axhline(1e-3, **plots.TOLERANCE)
+    left.set(xlabel="restitution in", ylabel="restitution out, at 0.01 and 10 m/s")
+    right.set(xlabel="restitution in", ylabel="largest |difference| over all speeds")
+    plots.legend(left, points=results.codes())
     return figure
 
 
 def _speed(results: Results) -> MatplotlibFigure:
-    figure, axes = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
-    name = results.finest(grid.label("hertz/stiffness", True))
+    figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
+    variant = results.finest(grid.label("hertz/stiffness", True))
     exact, v = grid.expected(results, "hertz/stiffness", True), grid.v_stars()
     line = np.linspace(0.02, 2.6, 200)
-    axes[0].plot(
-        line,
-        [normal_impact.pade(x) for x in line],
-        "--",
-        color="#777777",
-        lw=1,
-        label="Pade, Mueller and Poeschel",
-    )
+    pade = [normal_impact.pade(x) for x in line]
+    left.plot(line, pade, "--", color="#777777", lw=1, label="Pade, Mueller and Poeschel")
     rank = np.argsort(v.ravel())
-    axes[0].plot(v.ravel()[rank], exact.ravel()[rank], **plots.style("oracle"))
-    for code in results.codes(name):
-        got = grid.rebounds(results[name, code])
-        mark = {"marker": "x", "linestyle": "none", "markersize": 4} if code == "gpudem" else {}
-        axes[0].plot(v.ravel(), got.ravel(), **plots.style(code, **mark))
-        for k in range(0, len(grid.V_STARS), 2):
-            axes[1].loglog(grid.SPEEDS, 1 - got[k], **plots.style(code, **mark))
-    for k in range(0, len(grid.V_STARS), 2):
-        axes[1].loglog(grid.SPEEDS, 1 - exact[k], **plots.style("oracle"))
-        axes[1].annotate(
-            f"v* = {grid.V_STARS[k]:g}", (10, 1 - exact[k, -1]), fontsize=7.5, va="bottom", ha="right"
-        )
-    axes[0].set(xlabel="v*", ylabel="restitution out")
-    axes[1].set(xlabel="speed [m/s]", ylabel="1 - e")
-    plots.legend(axes[0])
+    left.plot(v.ravel()[rank], exact.ravel()[rank], **plots.style("oracle"))
+    shown = range(0, len(grid.V_STARS), 2)
+    for code in results.codes(variant):
+        got, look = grid.rebounds(results, variant, code), plots.marks(code, color=plots.color(code))
+        left.plot(v.ravel(), got.ravel(), **look, label=plots.name(code))
+        right.loglog(grid.SPEEDS, 1 - got[shown].T, **look)
+    right.loglog(grid.SPEEDS, 1 - exact[shown].T, **plots.style("oracle"))
+    for k in shown:
+        place = (10, 1 - exact[k, -1])
+        right.annotate(f"v* = {grid.V_STARS[k]:g}", place, fontsize=7.5, va="bottom", ha="right")
+    left.set(xlabel="v*", ylabel="restitution out")
+    right.set(xlabel="speed [m/s]", ylabel="1 - e")
+    plots.legend(left)
     return figure
 
 
@@ -146,13 +130,12 @@ CASE = Case(
     name="restitution_map",
     title="Restitution over speed and damping",
     purpose=(
-        "77 spheres fly at a plane: restitution 0.06 to 1, speed 0.01 to 10 m/s, under each normal law, with"
-        " and without limit_force. The damping of hertz and hooke must give back exactly the restitution that"
-        " is put in, at every speed; cut by limit_force it gives a larger one, the same function for both"
-        " laws, down to exp(-2) at most. The damping of hertz/stiffness is that of viscoelastic spheres, for"
-        " which restitution falls with speed: 1 - e grows as v^(1/5), and all speeds and dampings fall on one"
-        " curve in v*. Where that contact may pull (limit_force off) and v* exceeds about 2, it creeps back"
-        " without end and the sphere sticks to the plane."
+        "77 spheres hit a plane: restitution 0.06 to 1, speed 0.01 to 10 m/s, under each normal law, with and"
+        " without limit_force. hertz and hooke must return exactly the restitution put in, at every speed;"
+        " with limit_force a larger one, the same function for both laws, never below exp(-2). The damping of"
+        " hertz/stiffness is that of viscoelastic spheres, for which restitution decreases with speed: 1 - e"
+        " grows as v^(1/5), and all speeds and dampings are on one curve in v*. If that contact may pull"
+        " (limit_force off) and v* exceeds about 2, it is overdamped and the sphere sticks to the plane."
     ),
     source=(
         "Antypov and Elliott (2011); Schwager and Poeschel (2007); Mueller and Poeschel (2011) for the"
@@ -166,14 +149,14 @@ CASE = Case(
     figures=(
         Figure(
             "Restitution out against restitution in",
-            "Left: default on the diagonal, limit_force on its closed form, slowest and fastest sphere."
-            " Right: what is off, over all speeds; it shrinks with the time step.",
+            "Left: the slowest and the fastest sphere on the closed forms (lines); small marks hertz, large"
+            " marks hooke. Right: largest difference over all speeds; it decreases with the time step.",
             _constant,
         ),
         Figure(
             "The viscoelastic law",
             "hertz/stiffness with limit_force. Left: all dampings and speeds on one curve. Right: the slope"
-            " is 1/5 where little is lost.",
+            " is 1/5 where the loss is small.",
             _speed, tiers=BENCH,
         ),
     ),

@@ -1,10 +1,11 @@
-"""A sphere flies straight at a plane of another material: restitution 0.3 to 1, with and without
+"""Normal impacts of spheres on planes of another material, restitution 0.3 to 1, with and without
 `limit_force`.
 """
 
 from __future__ import annotations
 
-from comparisons.cases.single_contact import figures as impact_figures
+from comparisons.cases.side_by_side import every_pair, floor
+from comparisons.cases.single_contact import figures
 from comparisons.cases.single_contact.checks import against_closed_forms, against_ode, step_by_step
 from comparisons.cases.single_contact.meetings import Meeting, ladder
 from comparisons.harness.case import Case, Tier, Variant
@@ -29,31 +30,23 @@ QUANTITIES = {"peak_overlap": 1e-3, "contact_time": 1e-3, "rebound": 1e-3}
 
 def scene(limit_force: bool, dt: float) -> Scene:
     """All spheres, `FLIGHT` before their touch."""
-    reach = SPACING * len(SPHERES)
-    position, velocity = [], []
-    for k, (_, speed, wall) in enumerate(SPHERES):
+    reach, names = SPACING * len(SPHERES), [f"ball_{k}" for k in range(len(SPHERES))]
+    position, velocity, pairs = [], [], []
+    for k, (restitution, speed, wall) in enumerate(SPHERES):
         gap = RADIUS + speed * FLIGHT
         position.append((SPACING * k, 0.0, gap) if wall == "floor" else (reach - gap, 0.0, SPACING * (k + 1)))
         velocity.append((0.0, 0.0, -speed) if wall == "floor" else (speed, 0.0, 0.0))
-    names = [f"ball_{k}" for k in range(len(SPHERES))]
-    pairs = [Pair(materials=(n, "wall"), restitution=e) for n, (e, *_) in zip(names, SPHERES, strict=True)]
-    pairs += [Pair(materials=(a, b)) for k, a in enumerate(names) for b in names[k:]]
+        pairs.append(Pair(materials=(names[k], "wall"), restitution=restitution))
     option = "limit_force" if limit_force else "default"
     return Scene(
-        name="wall_restitution",
-        title=f"spheres on planes, {option}, step {dt:.3g} s",
-        materials=dict.fromkeys(names, BALL) | {"wall": WALL},
-        pairs=pairs,
+        name="wall_restitution", title=f"spheres on planes, {option}, step {dt:.3g} s",
+        materials=dict.fromkeys(names, BALL) | {"wall": WALL}, pairs=every_pair(names, pairs),
         contact=Contact(limit_force=limit_force),
         particles=Explicit(position=position, velocity=velocity, radius=RADIUS, material=names),
-        walls=[
-            Plane(name="floor", material="wall", point=(0, 0, 0), normal=(0, 0, 1)),
-            Plane(name="side", material="wall", point=(reach, 0, 0), normal=(-1, 0, 0)),
-        ],
+        walls=[floor("wall"), Plane(name="side", material="wall", point=(reach, 0, 0), normal=(-1, 0, 0))],
         domain=Domain(lo=(-0.05, -0.05, -0.001), hi=(reach + 0.001, 0.05, reach + 0.05)),
-        time=Time(step=dt, duration=DURATION),
-        output=Output(trace_every=dt),
-    )
+        time=Time(step=dt, duration=DURATION), output=Output(trace_every=dt),
+    )  # fmt: skip
 
 
 def variants(tier: Tier) -> list[Variant]:
@@ -66,12 +59,11 @@ CASE = Case(
     name="wall_restitution",
     title="A sphere on a plane",
     purpose=(
-        "A plane enters a contact with its own modulus, without curvature and with infinite mass. The law"
-        " keeps exactly e of the speed, at any speed, because its dashpot turns Hertz' spring into a"
-        " linear oscillator; but only if the contact is allowed to pull at the end of the rebound. With"
-        " limit_force the pull is cut and the sphere keeps more, by a closed form (0.3 becomes 0.397). Who"
-        " calibrates restitution against an experiment must know which of the two a code does: both are"
-        " shown here, in both codes."
+        "A plane contributes its own modulus to a contact, no curvature and infinite mass. The law keeps"
+        " exactly the fraction e of the speed, at any speed, but only if the contact may pull at the end of"
+        " the rebound. With limit_force the tensile part is cut, and the sphere keeps more, by a closed form"
+        " (0.3 becomes 0.397). A calibration of restitution against an experiment must know which of the two"
+        " a code does; both are shown here, for each code."
     ),
     source="Hertz (1882); Antypov and Elliott (2011); Schwager and Poeschel (2007), limit_force.",
     variants=variants,
@@ -84,14 +76,14 @@ CASE = Case(
         *against_closed_forms("limit_force, damped", DAMPED, QUANTITIES, True, "limited", FIRST_ORDER),
     ),
     figures=(
-        impact_figures.overlay(MEETINGS, "default", title="Default: the contact may pull"),
-        impact_figures.overlay(MEETINGS, "limited", title="limit_force: the pull is cut"),
-        impact_figures.convergence(MEETINGS, "default"),
-        impact_figures.work_precision(MEETINGS, "default"),
+        figures.overlay(MEETINGS, "default", title="Default: tensile force at the end"),
+        figures.overlay(MEETINGS, "limited", title="limit_force: no tensile force"),
+        figures.convergence(MEETINGS, "default"),
+        figures.work_precision(MEETINGS, "default"),
     ),
     tables=(
-        impact_figures.observables_table(MEETINGS, "default"),
-        impact_figures.observables_table(MEETINGS, "limited", limit_force=True),
+        figures.observables_table(MEETINGS, "default"),
+        figures.observables_table(MEETINGS, "limited", limit_force=True),
     ),
     features=("normal hertz", "damping", "limit_force", "several materials", "wall plane"),
     order=20,
