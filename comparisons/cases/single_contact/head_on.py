@@ -63,8 +63,8 @@ CASE = Case(
     name="head_on",
     title="Two spheres, head-on",
     purpose=(
-        "The smallest scene with a contact, where an error in the normal force, its damping, the effective"
-        " mass or the order of a step has nothing to hide behind. Four pairs of spheres of unequal radius,"
+        "The smallest scene with a contact: it shows an error in the normal force, its damping, the effective"
+        " mass or the order of a step without any other influence. Four pairs of spheres of unequal radius,"
         " density and modulus collide in four directions with restitution 0.3, 0.6, 0.9 and 1. The codes must"
         " agree to rounding at every step. Each must converge to the exact solution of the continuous law, at"
         " first order with damping (the dashpot sees half-step velocities), at second order without."
