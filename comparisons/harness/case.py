@@ -241,7 +241,8 @@ class Table:
 
     title: str
     caption: str
-    make: Callable[[Results], pandas.DataFrame]
+    make: Callable[[Results], pandas.DataFrame | list[dict[str, Any]]]
+    """A data frame, or its rows by column."""
     tiers: tuple[Tier, ...] = TIERS
     needs: tuple[str, ...] = ("gpudem",)
     section: Section = "case"

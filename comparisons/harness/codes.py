@@ -102,6 +102,11 @@ def brought(code: str) -> bool:
     return code != "gpudem" and code in CODES and CODES[code].role == "under_test"
 
 
+def built_in() -> tuple[str, ...]:
+    """Every code but those that a user brought: those that a case of gpudem is written for."""
+    return tuple(name for name in CODES if not brought(name))
+
+
 def pairs(selected: Sequence[str]) -> list[tuple[str, str]]:
     """(code under test, code it is compared with) of the selected ones.
 

@@ -148,11 +148,12 @@ class Evaluation:
 
     def table(self, table: Table, root: Path, number: int) -> Artefact:
         """Write one table into <case>/tables/."""
+        import pandas
 
         def write(stem: str) -> str:
             path = root / self.case.name / "tables" / f"{stem}.csv"
             path.parent.mkdir(parents=True, exist_ok=True)
-            table.make(self._results(table.needs)).to_csv(path, index=False)
+            pandas.DataFrame(table.make(self._results(table.needs))).to_csv(path, index=False)
             return str(path.relative_to(root))
 
         return self._artefact("table", table, number, write)

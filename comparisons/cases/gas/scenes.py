@@ -1,4 +1,4 @@
-"""Gases in a cube: how the cases of cooling and elastic gases state them, and what they measure."""
+"""Gases of spheres in a cube: their scenes, and what is measured on them."""
 
 from __future__ import annotations
 
@@ -7,17 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.cases.single_contact.checks import CODES
-from comparisons.harness.case import Check, Measured, Results
-from comparisons.metrics.trace import largest_difference
 from comparisons.oracles import linear
 from gpudem.output.run import Run
 from gpudem.scene import Domain, Lattice, Scene
 
 RADIUS, DENSITY, POISSON = 1e-3, 2500.0, 0.3
 MASS = DENSITY * 4 / 3 * math.pi * RADIUS**3
-#: Both codes from one start, step by step, before chaos has grown from rounding.
-EARLY = "early"
 
 
 def box_length(count: int, phi: float) -> float:
@@ -77,33 +72,3 @@ def overlaps(position: np.ndarray, edge: float) -> np.ndarray:
     apart = place[i] - place[j]
     apart -= edge * np.round(apart / edge)
     return 2 * RADIUS - np.linalg.norm(apart, axis=1)
-
-
-def early_checks() -> tuple[Check, ...]:
-    """Positions (by diameter, over the box edge's wrap) and velocities of both codes over the first steps."""
-
-    def value(results: Results, column: str) -> Measured:
-        ours, theirs = (results[EARLY, code] for code in CODES)
-        a, b = ours.trace[column], theirs.trace[column]
-        weight = MASS * np.array(ours.scene.gravity)
-        pushed = np.linalg.norm(ours.trace["force"] - weight, axis=2) > 1e-9 * np.linalg.norm(weight)
-        touched = int(pushed.any(axis=0).sum())
-        if touched < 20:
-            return Measured(float("nan"), note=f"only {touched} spheres touched another")
-        if column == "position":
-            edge = ours.scene.domain.hi[0]
-            b = b + edge * np.round((a - b) / edge)
-        scale = 2 * RADIUS if column == "position" else 1.0
-        return Measured(largest_difference(a, b, scale), note=f"{touched} spheres touched another")
-
-    return tuple(
-        Check(
-            name=f"{name}, largest difference over the first milliseconds",
-            measure=lambda results, column=column: value(results, column),
-            tolerance=1e-9, unit="1", against="LIGGGHTS", mark="X", needs=CODES,
-            reason="same law, same scheme: rounding, times the few collisions so far, each of which"
-            " multiplies it by (free path / radius)",
-            catches="a pair missed by a neighbour list, a wrong image across a periodic side",
-        )
-        for name, column in (("position / diameter", "position"), ("velocity / rms velocity", "velocity"))
-    )  # fmt: skip

@@ -1,0 +1,95 @@
+"""Checks that the cases of gases share: codes against each other, hard spheres, means over seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from comparisons.cases.gas import scenes as gases
+from comparisons.harness import codes
+from comparisons.harness.case import Check, Measured, PerPair, Results, largest
+from comparisons.metrics.trace import largest_difference
+
+#: The engine of hard spheres: no contact time, no time step.
+HARD = "event_driven"
+#: Variant that the codes run from one start, compared step by step before rounding has grown.
+EARLY = "early"
+
+
+def early_checks() -> PerPair:
+    """Positions and velocities of two codes over the first steps; NaN where fewer than 20 spheres touched."""
+
+    def measure(column: str, code: str, other: str) -> Callable[[Results], Measured]:
+        def value(results: Results) -> Measured:
+            ours, theirs = results[EARLY, code], results[EARLY, other]
+            a, b = ours.trace[column], theirs.trace[column]
+            weight = gases.MASS * np.array(ours.scene.gravity)
+            pushed = np.linalg.norm(ours.trace["force"] - weight, axis=2) > 1e-9 * np.linalg.norm(weight)
+            touched = int(pushed.any(axis=0).sum())
+            if touched < 20:
+                return Measured(float("nan"), note=f"only {touched} spheres touched another")
+            scale = 1.0
+            if column == "position":  # wrapped or not
+                edge, scale = ours.scene.domain.hi[0], 2 * gases.RADIUS
+                b = b + edge * np.round((a - b) / edge)
+            return Measured(largest_difference(a, b, scale), note=f"{touched} spheres touched another")
+
+        return value
+
+    return PerPair(
+        lambda code, other: tuple(
+            Check(
+                name=f"{name}, largest difference over the first milliseconds",
+                measure=measure(column, code, other),
+                tolerance=1e-9, unit="1", against=codes.title(other), mark="X", needs=(code, other),
+                reason="same law, same scheme: rounding, which each of the few collisions multiplies by"
+                " (free path / radius)",
+                catches="a pair missing in the neighbor list, a wrong image across a periodic side",
+            )
+            for name, column in (("position / diameter", "position"), ("velocity / rms velocity", "velocity"))
+        )
+    )  # fmt: skip
+
+
+def conserved(name: str, columns: tuple[str, ...] = ("kinetic_energy",), prefix: str = "") -> Check:
+    """Largest |energy/start - 1| of hard spheres over the variants of a prefix; energy: sum of columns."""
+
+    def measure(results: Results) -> Measured:
+        found = {}
+        for label, run in results.of(HARD):
+            if label.startswith(prefix):
+                energy = run.history[list(columns)].to_numpy().sum(axis=1)
+                note = f"{run.history['collisions'].to_numpy()[-1]:.0f} collisions"
+                found[label] = Measured(float(np.abs(energy / energy[0] - 1).max()), note=note)
+        return largest(found)
+
+    return Check(
+        name=name, measure=measure, tolerance=1e-11, unit="1", against="conservation", mark="A",
+        needs=(HARD,), reason="rounding",
+        catches="a flight, collision or impact on a wall that adds or removes energy",
+    )  # fmt: skip
+
+
+def no_overlap(name: str = "largest overlap at a collision / diameter (event-driven)") -> Check:
+    """Hard particles collide at the distance of their radii."""
+
+    def measure(results: Results) -> Measured:
+        return largest({label: float(run.notes["largest_overlap"]) for label, run in results.of(HARD)})
+
+    return Check(
+        name=name, measure=measure, tolerance=1e-9, unit="1", against="hard particles", mark="A",
+        needs=(HARD,), reason="rounding of positions after a flight",
+        catches="a collision found late: cells, event tree or lazy invalidation",
+    )  # fmt: skip
+
+
+def seeds(results: Results, code: str, prefix: str = "seed_") -> list[str]:
+    """Labels of one code's runs that differ only in their seed."""
+    return [label for label in results.labels(code) if label.startswith(prefix)]
+
+
+def collisions(results: Results, label: str) -> np.ndarray:
+    """Collisions of hard spheres with spheres since the start, at every row of the history."""
+    table = results[label, HARD].history
+    return (table["collisions"] - table["wall_collisions"]).to_numpy()
