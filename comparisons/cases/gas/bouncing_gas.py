@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from comparisons.cases.gas import scenes as gases
-from comparisons.cases.gas.checks import EARLY, HARD, collisions, conserved, early_checks, no_overlap, seeds
+from comparisons.cases.gas.checks import EARLY, HARD, collisions, conserved, early_checks, no_overlap
 from comparisons.harness import codes
 from comparisons.harness.case import (
     TIERS,
@@ -91,8 +91,8 @@ def variants(tier: Tier) -> list[Variant]:
 def rest(results: Results) -> tuple[Run, dict[str, np.ndarray]]:
     """(the run in equilibrium, columns of its history once it has settled)."""
     run = results[EQUILIBRIUM, HARD]
-    late = run.history[run.history["time"] > SETTLED]
-    return run, {str(name): late[name].to_numpy() for name in late}
+    late = run.history["time"].to_numpy() > SETTLED
+    return run, {str(name): run.history[name].to_numpy()[late] for name in run.history}
 
 
 def drift_speed(run: Run) -> np.ndarray:
@@ -178,7 +178,9 @@ def quantity(run: Run, name: str) -> float:
 def samples(results: Results, kind: str, name: str) -> dict[str, np.ndarray]:
     """Engine -> (seeds,) of a quantity."""
     return {
-        code: np.array([quantity(results[label, code], name) for label in seeds(results, code, f"{kind}_")])
+        code: np.array(
+            [quantity(results[label, code], name) for label in results.labels(code, prefix=f"{kind}_")]
+        )
         for code in results.codes(f"{kind}_1")
     }
 
@@ -235,7 +237,7 @@ def _curves(results: Results) -> plots.Figure:
     figure, axes = plots.figure(rows, 2, width=plots.WHOLE, height=3.0 * rows, squeeze=False)
     for (left, right), kind in zip(axes, kinds(results), strict=True):
         for code in results.codes(f"{kind}_1"):
-            tables = [results[label, code].history for label in seeds(results, code, f"{kind}_")]
+            tables = [results[label, code].history for label in results.labels(code, prefix=f"{kind}_")]
             for ax, name, scale in (
                 (left, "centre_z", 1e3),
                 (right, "kinetic_energy", 1 / (COUNT * gases.MASS)),
@@ -286,7 +288,7 @@ CASE = Case(
     source="Carnahan and Starling (1969); contact theorem and second virial coefficient at a hard wall.",
     variants=variants,
     checks=(
-        early_checks(),
+        *early_checks(),
         equilibrium_check(
             "temperature from the energy of the start, relative error", temperature, 0.01,
             "local equilibrium and layer at the floor",

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from comparisons.cases.gas import scenes as gases
-from comparisons.harness import codes
 from comparisons.harness.case import Check, Measured, PerPair, Results, largest
+from comparisons.harness.check_builders import per_pair
 from comparisons.metrics.trace import largest_difference
 
 #: The engine of hard spheres: no contact time, no time step.
@@ -17,39 +15,34 @@ HARD = "event_driven"
 EARLY = "early"
 
 
-def early_checks() -> PerPair:
+def early_checks() -> tuple[PerPair, ...]:
     """Positions and velocities of two codes over the first steps; NaN where fewer than 20 spheres touched."""
 
-    def measure(column: str, code: str, other: str) -> Callable[[Results], Measured]:
-        def value(results: Results) -> Measured:
-            ours, theirs = results[EARLY, code], results[EARLY, other]
-            a, b = ours.trace[column], theirs.trace[column]
-            weight = gases.MASS * np.array(ours.scene.gravity)
-            pushed = np.linalg.norm(ours.trace["force"] - weight, axis=2) > 1e-9 * np.linalg.norm(weight)
-            touched = int(pushed.any(axis=0).sum())
-            if touched < 20:
-                return Measured(float("nan"), note=f"only {touched} spheres touched another")
-            scale = 1.0
-            if column == "position":  # wrapped or not
-                edge, scale = ours.scene.domain.hi[0], 2 * gases.RADIUS
-                b = b + edge * np.round((a - b) / edge)
-            return Measured(largest_difference(a, b, scale), note=f"{touched} spheres touched another")
+    def measure(results: Results, column: str, code: str, other: str) -> Measured:
+        ours, theirs = results[EARLY, code], results[EARLY, other]
+        a, b = ours.trace[column], theirs.trace[column]
+        weight = gases.MASS * np.array(ours.scene.gravity)
+        pushed = np.linalg.norm(ours.trace["force"] - weight, axis=2) > 1e-9 * np.linalg.norm(weight)
+        touched = int(pushed.any(axis=0).sum())
+        if touched < 20:
+            return Measured(float("nan"), note=f"only {touched} spheres touched another")
+        scale = 1.0
+        if column == "position":  # wrapped or not
+            edge, scale = ours.scene.domain.hi[0], 2 * gases.RADIUS
+            b = b + edge * np.round((a - b) / edge)
+        return Measured(largest_difference(a, b, scale), note=f"{touched} spheres touched another")
 
-        return value
-
-    return PerPair(
-        lambda code, other: tuple(
-            Check(
-                name=f"{name}, largest difference over the first milliseconds",
-                measure=measure(column, code, other),
-                tolerance=1e-9, unit="1", against=codes.title(other), mark="X", needs=(code, other),
-                reason="same law, same scheme: rounding, which each of the few collisions multiplies by"
-                " (free path / radius)",
-                catches="a pair missing in the neighbor list, a wrong image across a periodic side",
-            )
-            for name, column in (("position / diameter", "position"), ("velocity / rms velocity", "velocity"))
+    return tuple(
+        per_pair(
+            f"{name}, largest difference over the first milliseconds",
+            lambda results, code, other, column=column: measure(results, column, code, other),
+            tolerance=1e-9,
+            reason="same law, same scheme: rounding, which each of the few collisions multiplies by"
+            " (free path / radius)",
+            catches="a pair missing in the neighbor list, a wrong image across a periodic side",
         )
-    )  # fmt: skip
+        for name, column in (("position / diameter", "position"), ("velocity / rms velocity", "velocity"))
+    )
 
 
 def conserved(name: str, columns: tuple[str, ...] = ("kinetic_energy",), prefix: str = "") -> Check:
@@ -82,11 +75,6 @@ def no_overlap(name: str = "largest overlap at a collision / diameter (event-dri
         needs=(HARD,), reason="rounding of positions after a flight",
         catches="a collision found late: cells, event tree or lazy invalidation",
     )  # fmt: skip
-
-
-def seeds(results: Results, code: str, prefix: str = "seed_") -> list[str]:
-    """Labels of one code's runs that differ only in their seed."""
-    return [label for label in results.labels(code) if label.startswith(prefix)]
 
 
 def collisions(results: Results, label: str) -> np.ndarray:

@@ -260,7 +260,7 @@ CASE = Case(
     source="Carnahan and Starling (1969); Chapman and Cowling (1970); Barker and Henderson (1967).",
     variants=variants,
     checks=(
-        early_checks(), PerCode(theory_checks), *theory_checks(HARD),
+        *early_checks(), PerCode(theory_checks), *theory_checks(HARD),
         PerCode(energy_check), energy_check(HARD),
         *(
             Check(

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from comparisons.cases.gas import scenes as gases
-from comparisons.cases.gas.checks import EARLY, HARD, early_checks, seeds
+from comparisons.cases.gas.checks import EARLY, HARD, early_checks
 from comparisons.harness import codes
 from comparisons.harness.case import (
     Case,
@@ -15,12 +15,12 @@ from comparisons.harness.case import (
     Figure,
     Measured,
     PerCode,
-    PerPair,
     Results,
     Table,
     Tier,
     Variant,
 )
+from comparisons.harness.check_builders import per_pair
 from comparisons.oracles import gas
 from comparisons.report import plots
 from gpudem.output.run import Run
@@ -61,7 +61,7 @@ def theory(run: Run) -> float:
 
 def curves(results: Results, code: str) -> tuple[np.ndarray, np.ndarray]:
     """(times [s], T^-1/2 [s/m] (seeds, times))."""
-    runs = [results[label, code] for label in seeds(results, code)]
+    runs = [results[label, code] for label in results.labels(code, prefix="seed_")]
     return runs[0].history["time"].to_numpy(), np.array([gases.temperature(run) ** -0.5 for run in runs])
 
 
@@ -124,16 +124,6 @@ def code_checks(code: str) -> tuple[Check, ...]:
     )  # fmt: skip
 
 
-def pair_check(code: str, other: str) -> Check:
-    return Check(
-        name="slope of T^-1/2, difference of the codes' means / Enskog's slope",
-        measure=lambda results: difference(results, code, other), tolerance=0.06, unit="1",
-        against=codes.title(other), mark="X", needs=(code, other),
-        reason="chaotic: three standard deviations of the difference of two means, 1.5 % each",
-        catches="collisions lost by one code after the first milliseconds",
-    )  # fmt: skip
-
-
 def _figure(results: Results) -> plots.Figure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
     for code in results.codes("seed_1"):
@@ -156,7 +146,7 @@ def _table(results: Results) -> list[dict[str, Any]]:
     rows = []
     for code in results.codes("seed_1"):
         want = theory(results["seed_1", code])
-        for label, slope in zip(seeds(results, code), slopes(results, code), strict=True):
+        for label, slope in zip(results.labels(code, prefix="seed_"), slopes(results, code), strict=True):
             row = {"seed": label, "code": plots.name(code), "d(T^-1/2)/dt [1/m]": slope, "Enskog [1/m]": want}
             rows.append(row | {"relative difference [1]": slope / want - 1})
     return rows
@@ -176,7 +166,12 @@ CASE = Case(
     source="Haff (1983); van Noije and Ernst (1998), Sonine coefficient; Carnahan and Starling (1969).",
     variants=variants,
     checks=(
-        early_checks(), PerCode(code_checks), *code_checks(HARD), PerPair(pair_check),
+        *early_checks(), PerCode(code_checks), *code_checks(HARD),
+        per_pair(
+            "slope of T^-1/2, difference of the codes' means / Enskog's slope", difference, tolerance=0.06,
+            reason="chaotic: three standard deviations of the difference of two means, 1.5 % each",
+            catches="collisions lost by one code after the first milliseconds",
+        ),
         Check(
             name="velocity of the centre of mass, change / rms velocity",
             measure=momentum, tolerance=1e-12, unit="1", against="conservation", mark="A",

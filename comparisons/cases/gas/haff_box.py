@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from comparisons.cases.gas import scenes as gases
-from comparisons.cases.gas.checks import EARLY, HARD, collisions, conserved, early_checks, no_overlap, seeds
+from comparisons.cases.gas.checks import EARLY, HARD, collisions, conserved, early_checks, no_overlap
 from comparisons.harness import codes
 from comparisons.harness.case import (
     Case,
@@ -16,12 +16,12 @@ from comparisons.harness.case import (
     Figure,
     Measured,
     PerCode,
-    PerPair,
     Results,
     Table,
     Tier,
     Variant,
 )
+from comparisons.harness.check_builders import per_pair
 from comparisons.metrics import engines
 from comparisons.report import plots
 from gpudem.output.run import Run
@@ -134,14 +134,14 @@ def slope(run: Run) -> float:
 def samples(results: Results) -> dict[str, np.ndarray]:
     """Engine -> (seeds,) of the slope of T^-1/2."""
     return {
-        code: np.array([slope(results[label, code]) for label in seeds(results, code)])
+        code: np.array([slope(results[label, code]) for label in results.labels(code, prefix="seed_")])
         for code in results.codes("seed_1")
     }
 
 
 def softening(results: Results) -> np.ndarray:
     """Rows by contact time: omega t_c, how much slower than hard spheres gpudem cools, standard error."""
-    labels, hard, rows = seeds(results, "gpudem"), samples(results)[HARD], []
+    labels, hard, rows = results.labels("gpudem", prefix="seed_"), samples(results)[HARD], []
     for t in (SIZES[results.tier][3], *SOFTER):
         prefix = f"soft_{t:g}_" if t in SOFTER else ""
         soft = np.array([slope(results[prefix + label, "gpudem"]) for label in labels])
@@ -180,16 +180,6 @@ def against_hard(code: str) -> Check:
     )  # fmt: skip
 
 
-def pair_check(code: str, other: str) -> Check:
-    return Check(
-        name="slope of T^-1/2, difference of the soft codes / allowed",
-        measure=lambda results: engines.gap(samples(results), code, other), tolerance=1.0, unit="1",
-        against=codes.title(other), mark="X", needs=(code, other, HARD),
-        reason=f"{engines.SIGMAS:g} standard errors over the seeds; same law, same softness",
-        catches="collisions lost by one code after the first milliseconds; side walls that absorb 2 %",
-    )  # fmt: skip
-
-
 def _cooling(results: Results) -> plots.Figure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
     time, t, law = haff(results)
@@ -198,7 +188,7 @@ def _cooling(results: Results) -> plots.Figure:
     left.axhline(0, color="k", lw=0.9, label="Haff, rate of the elastic gas")
     left.set(xlabel="time [s]", ylabel="T / Haff - 1", ylim=(-0.02, 0.02))
     for code in results.codes("seed_1"):
-        runs = [results[label, code] for label in seeds(results, code)]
+        runs = [results[label, code] for label in results.labels(code, prefix="seed_")]
         time = runs[0].history["time"].to_numpy()
         plots.band(right, time, np.array([gases.temperature(run) ** -0.5 for run in runs]), code)
     right.set(xlabel="time [s]", ylabel="T^(-1/2) [s/m]")
@@ -241,7 +231,7 @@ CASE = Case(
     source="Haff (1983); van Noije and Ernst (1998).",
     variants=variants,
     checks=(
-        early_checks(),
+        *early_checks(),
         Check(
             name="T against Haff's law, largest relative error (event-driven)", measure=against_haff,
             tolerance=0.01, unit="1", against="Haff's law, rate of the elastic gas", mark="A", needs=(HARD,),
@@ -255,7 +245,13 @@ CASE = Case(
             catches="a restitution off by 0.0005; a loss counted per sphere instead of per collision",
         ),
         conserved("energy of the elastic gas, largest change (event-driven)", prefix="elastic"),
-        no_overlap(), PerCode(against_hard), PerPair(pair_check),
+        no_overlap(), PerCode(against_hard),
+        per_pair(
+            "slope of T^-1/2, difference of the soft codes / allowed",
+            lambda results, code, other: engines.gap(samples(results), code, other), tolerance=1.0,
+            reason=f"{engines.SIGMAS:g} standard errors over the seeds; same law, same softness",
+            catches="collisions lost by one code after the first milliseconds; side walls that absorb 2 %",
+        ),
         Check(
             name="softness: relative lag of the slope / omega t_c, line through zero (gpudem)",
             measure=softness, tolerance=SOFTNESS_RANGE[1], lo=SOFTNESS_RANGE[0], unit="1", mark="A",
