@@ -13,6 +13,10 @@ from comparisons.oracles.contact_ode import Q1, Q2, V1, V2, W1, W2
 from gpudem.scene import Scene
 
 
+#: What is known of a body at a time.
+COLUMNS = ("position", "velocity", "angular_velocity")
+
+
 @dataclasses.dataclass(frozen=True)
 class Impact:
     """The exact motion of particle row `first` and of row `second` (None: it met a plane)."""
@@ -84,19 +88,19 @@ def planar(frame: np.ndarray, velocity: np.ndarray, spin: np.ndarray) -> np.ndar
 
 
 def _first_touch(
-    scene: Scene, rows: tuple[int, ...], other: int | str, reach: float
+    scene: Scene, start: dict[str, np.ndarray], rows: tuple[int, ...], other: int | str, reach: float
 ) -> tuple[float, np.ndarray]:
     """Time [s] and normal of the first touch. Raises ValueError if the paths do not meet."""
-    x, v = scene.state.position, scene.state.velocity
+    x, v = start["position"], start["velocity"]
     if isinstance(other, str):
         plane = next(p for p in scene.planes if p.name == other)
         normal = np.array(plane.normal)
-        approach = -float(v[rows[0]] @ normal)
-        gap = float((x[rows[0]] - np.array(plane.point)) @ normal) - reach
+        approach = -float(v[0] @ normal)
+        gap = float((x[0] - np.array(plane.point)) @ normal) - reach
         if approach <= 0 or gap < 0:
             raise ValueError(f"particle {rows[0] + 1} does not fly at {other}")
         return gap / approach, normal
-    d, u = x[rows[0]] - x[rows[1]], v[rows[0]] - v[rows[1]]
+    d, u = x[0] - x[1], v[0] - v[1]
     along, rest = float(d @ u), float(d @ d) - reach**2
     root = along**2 - float(u @ u) * rest
     if along >= 0 or root <= 0 or rest < 0:
@@ -106,8 +110,16 @@ def _first_touch(
     return time, normal / np.linalg.norm(normal)
 
 
-def impact(scene: Scene, i: int, other: int | str, rtol: float = contact_ode.RTOL) -> Impact:
+def impact(
+    scene: Scene,
+    i: int,
+    other: int | str,
+    rtol: float = contact_ode.RTOL,
+    start: dict[str, np.ndarray] | None = None,
+) -> Impact:
     """Solve the impact of particle row `i` with row `other`, or with the plane of that name.
+
+    `start`: position, velocity, angular_velocity of these rows at time 0; default as the scene states.
 
     It covers one planar impact without gravity: relative velocity and surface slip in one plane with the
     normal, spins across it. Raises ValueError where the scene is not that.
@@ -117,8 +129,9 @@ def impact(scene: Scene, i: int, other: int | str, rtol: float = contact_ode.RTO
     c = bodies(scene, i, other)
     rows = (i,) if isinstance(other, str) else (i, other)
     reach = c.radius[0] + (0.0 if c.is_wall else c.radius[1])
-    touch, normal = _first_touch(scene, rows, other, reach)
-    start = {k: getattr(scene.state, k)[list(rows)] for k in ("position", "velocity", "angular_velocity")}
+    if start is None:
+        start = {k: getattr(scene.state, k)[list(rows)] for k in COLUMNS}
+    touch, normal = _first_touch(scene, start, rows, other, reach)
     relative = start["velocity"][0] - (0.0 if c.is_wall else start["velocity"][1])
     turning = sum(r * w for r, w in zip(c.radius, start["angular_velocity"], strict=False))
     slip = relative - (relative @ normal) * normal - np.cross(turning, normal)
