@@ -49,10 +49,11 @@ def step_by_step(
     prefix: str = "",
     defect: Callable[[Run], str] = lambda run: "",
     note: str = "",
+    read: Callable[[Run], np.ndarray] | None = None,
     **fields: Any,
 ) -> PerPair:
     """Largest difference of a column of the trace between two codes, over all variants that both ran and
-    whose label starts with `prefix`, by `scale(run of the reference)`.
+    whose label starts with `prefix`, by `scale(run of the reference)`. `read(run)` in place of the column.
 
     `defect(run)` says why a run does not show what it should ("never touched"); such a run fails the check,
     so that it cannot hold where nothing happens. `fields` go to `Check`.
@@ -65,7 +66,8 @@ def step_by_step(
             why = defect(a) or defect(b)
             if why:
                 return Measured(float("nan"), note=f"{label}: {why}")
-            found[label] = trace.largest_difference(a.trace[column], b.trace[column], scale(b))
+            ours, theirs = (run.trace[column] if read is None else read(run) for run in (a, b))
+            found[label] = trace.largest_difference(ours, theirs, scale(b))
         return largest(found, f"{note}, {len(found)} variants" if note else f"{len(found)} variants")
 
     return per_pair(name, measure, **fields)

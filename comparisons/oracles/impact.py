@@ -12,7 +12,6 @@ from comparisons.oracles.bodies import Bodies, bodies
 from comparisons.oracles.contact_ode import Q1, Q2, V1, V2, W1, W2
 from gpudem.scene import Scene
 
-
 #: What is known of a body at a time.
 COLUMNS = ("position", "velocity", "angular_velocity")
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from comparisons.cases.single_contact.meetings import Meeting
-from gpudem.scene import Box, Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
+from gpudem.scene import Box, Domain, Explicit, Material, Output, Pair, Plane, Scene, Side, Time
 
 RADIUS, PARTNER_RADIUS, SPACING = 0.003, 0.004, 0.03
 #: Time step [s], and time of the first touch: within a step, not at its end.
@@ -60,8 +60,8 @@ class Rows:
 
     def add(self, position, velocity, spin=(0.0, 0.0, 0.0), radius: float = RADIUS, material: str = "ball"):
         """Add one; returns its row."""
-        vectors = (np.array(vector, float) for vector in (position, velocity, spin))
-        self._rows.append((*vectors, radius, material))
+        at, moves, turns = (np.array(vector, float) for vector in (position, velocity, spin))
+        self._rows.append((at, moves, turns, radius, material))
         return len(self._rows) - 1
 
     def add_throw(
@@ -116,7 +116,7 @@ def assemble(
     stated = {frozenset(pair.materials) for pair in pairs}
     names = list(materials)
     others = [Pair(materials=(a, b)) for k, a in enumerate(names) for b in names[k:]]
-    domain = more.pop("domain", Domain(lo=(-size,) * 3, hi=(size,) * 3))
+    domain = more.pop("domain", Domain(lo=(-size, -size, -size), hi=(size, size, size)))
     return Scene(
         name=name, materials=materials, walls=tuple(walls),
         pairs=[*pairs, *(pair for pair in others if frozenset(pair.materials) not in stated)],
@@ -163,7 +163,7 @@ def turn() -> np.ndarray:
     return np.eye(3) + math.sin(TURN_ANGLE) * cross + (1 - math.cos(TURN_ANGLE)) * cross @ cross
 
 
-def on_the_plane(rotation: np.ndarray, length: float) -> Scene:
+def on_the_plane(name: str, rotation: np.ndarray, length: float) -> Scene:
     """Six impacts on a floor through the origin; all turned by a rotation, the normal of that length."""
     rows = Rows()
     for k, throw in enumerate(WALL_THROWS):
@@ -173,7 +173,7 @@ def on_the_plane(rotation: np.ndarray, length: float) -> Scene:
     materials, pairs = by_restitution(WALL_THROWS, "wall")
     normal = length * rotation[:, 2]
     floor = Plane(name="floor", material="wall", point=(0.0, 0.0, 0.0), normal=tuple(normal.tolist()))
-    return assemble("tilted_plane", rows, pairs, materials=materials, walls=[floor], steps=425)
+    return assemble(name, rows, pairs, materials=materials, walls=[floor], steps=425)
 
 
 # -- the same two meet twice ---------------------------------------------------------------------------------
@@ -229,11 +229,10 @@ def pair_twice() -> Scene:
 
 FLOOR = Plane(name="floor", material="wall", point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0))
 SIDE = Plane(name="side", material="wall", point=(0.0, 0.0, 0.0), normal=(1.0, 0.0, 0.0))
-#: Rows in the corner: one slides on both walls, in opposite directions; two are mirror images, as side and
-#: floor are.
-SLIDES, MIRRORED = 0, (1, 2)
+#: Rows of two balls that are mirror images, as side and floor are.
+MIRRORED = (1, 2)
 CORNER = [
-    Encounter("slides on both walls", ((0, "side"), (0, "floor"))),
+    Encounter("slides in opposite directions", ((0, "side"), (0, "floor"))),
     Encounter("slips and grips", ((1, "side"), (1, "floor"))),
     Encounter("its mirror image", ((2, "side"), (2, "floor"))),
 ]
@@ -288,7 +287,7 @@ def gate() -> Scene:
 
 #: Half a side of the box [m]; the side that is left out; the row of the ball that passes there.
 HALF, OPEN, PASSES = 0.05, "yhi", 5
-SIDES = tuple(side for side in ("xlo", "xhi", "ylo", "yhi", "zlo", "zhi") if side != OPEN)
+SIDES: tuple[Side, ...] = ("xlo", "xhi", "ylo", "zlo", "zhi")
 IN_THE_BOX = [Encounter(side, ((k, f"box_{side}"),)) for k, side in enumerate(SIDES)]
 
 
@@ -304,7 +303,9 @@ def open_box() -> Scene:
     small = RADIUS / 2
     rows.add((0.0, HALF - 1.1 * small, 0.02), (0.0, 45.0, 0.0), (0.0, 0.0, 300.0), small, "ball_0p6")
     materials, pairs = by_restitution([Throw("", 0.6, 0.0)], "wall")
-    box = Box(kind="box", name="box", material="wall", sides=SIDES, lo=(-HALF,) * 3, hi=(HALF,) * 3)
+    box = Box(
+        kind="box", name="box", material="wall", sides=SIDES, lo=(-HALF, -HALF, -HALF), hi=(HALF, HALF, HALF)
+    )
     return assemble("open_box", rows, pairs, materials=materials, walls=[box], steps=425, size=2 * HALF)
 
 
@@ -346,9 +347,10 @@ def moving() -> Scene:
 LO, HI = -0.05, 0.05
 #: Image of the partner of each pair: across x, across y, across both, and back across x; none for the last.
 SHIFTS = ((1, 0, 0), (0, 1, 0), (1, 1, 0), (-1, 0, 0), (0, 0, 0))
+SIZE = HI - LO
 ACROSS = [
-    Encounter(throw.what, ((2 * k, 2 * k + 1),), ((2 * k + 1, tuple((HI - LO) * s for s in shift)),))
-    for k, (throw, shift) in enumerate(zip(PAIR_THROWS, SHIFTS, strict=True))
+    Encounter(throw.what, ((2 * k, 2 * k + 1),), ((2 * k + 1, (SIZE * x, SIZE * y, SIZE * z)),))
+    for k, (throw, (x, y, z)) in enumerate(zip(PAIR_THROWS, SHIFTS, strict=True))
 ]
 
 
@@ -367,7 +369,7 @@ def across() -> Scene:
         place[:2] += np.where(out[:2] == 0, 0.012 * (k - 2), 0.0)
         rows.add_throw(
             throw, place, axes, 15.0 * out, (RADIUS, PARTNER_RADIUS), (material_of(throw.restitution),) * 2,
-            image=tuple((HI - LO) * out),
+            image=tuple(SIZE * out),
         )  # fmt: skip
     materials, pairs = by_restitution(PAIR_THROWS, None)
     domain = Domain(lo=(LO, LO, -0.1), hi=(HI, HI, 0.1), periodic=(True, True, False))
