@@ -162,6 +162,18 @@ def cases(tier: Any, packages: tuple[str, ...]) -> int:
 @click.option("--tier", type=click.Choice(TIERS), default="quick", show_default=True)
 @click.option("--record", is_flag=True, help="Full tier: keep the results in comparisons/recorded/full.")
 @click.option("--codes", "chosen", help="Comma-separated.  [default: all]")
+@click.option(
+    "--with",
+    "own",
+    metavar="COMMAND",
+    help="A code of yours: 'python my_dem.py {scene} {out}' (docs/own_code.md).",
+)
+@click.option(
+    "--with-name", "own_name", default="own_code", show_default=True, help="Its name in the report."
+)
+@click.option(
+    "--with-timeout", "own_timeout", default=600.0, show_default=True, help="Its time limit a run [s]."
+)
 @DEVICE
 @PRECISION
 @THREADS
@@ -176,6 +188,9 @@ def compare(
     tier: Any,
     record: bool,
     chosen: str | None,
+    own: str | None,
+    own_name: str,
+    own_timeout: float,
     out: Path | None,
     quiet: bool,
     **options: Any,
@@ -190,6 +205,8 @@ def compare(
         names = codes.select(codes.CODES if chosen is None else chosen.split(","))
     except GpudemError as error:
         raise GpudemError(f"--codes: {error}") from None
+    if own is not None:
+        names = (*names, codes.register_command(own, own_name, own_timeout))
     if record and tier != "full":
         raise GpudemError(f"--record: keeps results of the full tier, this is {tier}: add --tier full")
     if not cases:
@@ -255,6 +272,16 @@ def bench(arguments: tuple[str, ...]) -> int:
     from comparisons.bench import command as module
 
     return module.main(list(arguments)) or 0
+
+
+@app.command()
+@click.argument("name", type=click.Choice(["scene", "run"]))
+def schema(name: str) -> int:
+    """Print the JSON schema of a file: scene.json for a code of yours, run.json of it."""
+    from reference.process import contract
+
+    click.echo(contract.schema_path(name).read_text(encoding="utf-8"), nl=False)
+    return 0
 
 
 @app.command()

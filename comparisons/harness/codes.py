@@ -7,6 +7,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import importlib
+import importlib.util
 import pkgutil
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -59,7 +60,7 @@ def _register_all() -> None:
     style = {"color": "#0072b2", "linestyle": "-", "linewidth": 1.8, "zorder": 3}
     register(Code("gpudem", "gpudem", _gpudem, style=style))
     for module in pkgutil.iter_modules(reference.__path__):
-        if module.ispkg:
+        if module.ispkg and importlib.util.find_spec(f"reference.{module.name}.code"):
             register(importlib.import_module(f"reference.{module.name}.code").CODE)
     style = {"color": "#009e73", "linestyle": "--", "linewidth": 1.5, "zorder": 2}
     register(Code("event_driven", "event-driven", _event_driven, role="engine", style=style))
@@ -67,6 +68,14 @@ def _register_all() -> None:
 
 
 _register_all()
+
+
+def register_command(command: str, name: str, timeout: float) -> str:
+    """Register a code behind a command, under test; its name. Raises GpudemError: not usable."""
+    from reference.process import code_of
+
+    register(code_of(command, name, timeout))
+    return name
 
 
 def select(names: Iterable[str]) -> tuple[str, ...]:
