@@ -166,7 +166,7 @@ def cases(tier: Any, packages: tuple[str, ...]) -> int:
     "--with",
     "own",
     metavar="COMMAND",
-    help="A code of yours: 'python my_dem.py {scene} {out}' (docs/own_code.md).",
+    help="A code of yours: 'python my_dem.py {scene} {out}' (docs/guide/own_code.md).",
 )
 @click.option(
     "--with-name", "own_name", default="own_code", show_default=True, help="Its name in the report."

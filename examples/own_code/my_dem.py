@@ -1,5 +1,5 @@
 """A small DEM in plain NumPy that gpudem can judge: Hertz contacts with tangential history, planes, gravity.
-Contract: docs/own_code.md. `--mistake NAME`: a classical mistake; `--version NAME`: right in another way.
+Contract: docs/guide/own_code.md. `--mistake`: a classical mistake; `--version`: right in another way.
 """
 
 import argparse

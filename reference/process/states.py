@@ -34,6 +34,8 @@ NOT_OF_STATES = ("contacts", "work")
 FULL_DIGITS = 14
 #: Values of a column that are looked at for their digits, and digits that are tried.
 SAMPLE, MOST_DIGITS = 2000, 17
+#: Different values from which a column is judged.
+FEWEST = 100
 #: Digits of float32, which no count of decimal digits shows.
 FLOAT32_DIGITS = 7
 
@@ -116,17 +118,15 @@ def _rows_of_table(path: Path) -> pandas.DataFrame:
     import pandas
 
     try:
-        header = pandas.read_csv(path, nrows=0, skipinitialspace=True)
-        names = [str(name).strip() for name in header.columns]
+        with path.open(encoding="utf-8") as file:
+            names = [name.strip() for name in file.readline().split(",")]
         _require_columns(path, names)
-        options: dict[str, Any] = {"skipinitialspace": True, "skip_blank_lines": False, "names": names}
-        options |= {"header": 0, "index_col": False}
-        try:
-            rows = pandas.read_csv(path, dtype=np.float64, float_precision="round_trip", **options)
-        except ValueError:
-            rows = _cells(path, pandas.read_csv(path, dtype=str, keep_default_na=False, **options))
+        options: dict[str, Any] = {"skipinitialspace": True, "skip_blank_lines": False, "index_col": False}
+        options |= {"dtype": str, "keep_default_na": False}  # as text: not every pandas reads numbers exactly
+        text = pandas.read_csv(path, names=names, header=0, **options)
     except (OSError, pandas.errors.ParserError, pandas.errors.EmptyDataError, UnicodeDecodeError) as error:
         raise OutputError(f"{path}: cannot be read as a table: {error}") from None
+    rows = _numbers(path, text)
     for name in rows:
         bad = ~np.isfinite(rows[name].to_numpy())
         if bad.any():
@@ -137,15 +137,19 @@ def _rows_of_table(path: Path) -> pandas.DataFrame:
     return rows
 
 
-def _cells(path: Path, rows: pandas.DataFrame) -> pandas.DataFrame:
+def _numbers(path: Path, text: pandas.DataFrame) -> pandas.DataFrame:
     """Text as numbers. Raises OutputError naming the first cell that is none."""
-    for name in rows:
-        for line, text in enumerate(rows[name], 2):
+    try:
+        return text.astype(np.float64)
+    except (TypeError, ValueError):
+        pass
+    for name in text:
+        for line, cell in enumerate(text[name], 2):
             try:
-                float(text)
+                float(cell)
             except (TypeError, ValueError):
-                raise OutputError(f"{path}: line {line}, column {name}: {text!r} is not a number") from None
-    return rows.astype(np.float64)
+                raise OutputError(f"{path}: line {line}, column {name}: {cell!r} is not a number") from None
+    raise OutputError(f"{path}: cannot be read as numbers")
 
 
 def _rows_of_frames(path: Path) -> pandas.DataFrame:
@@ -240,20 +244,22 @@ def _where(path: Path, row: int) -> str:
 
 
 def significant_digits(values: np.ndarray) -> int:
-    """Decimal digits that the numbers of a column were written with; 17 for all that a float64 has."""
-    flat = values[values != 0].reshape(-1)
-    flat = flat[:: max(1, len(flat) // SAMPLE)]
-    if not len(flat):
+    """Decimal digits that the numbers of a column were written with; 17 for all that a float64 has.
+
+    Numbers of an initial state may have few digits by themselves: only many different ones are judged.
+    """
+    flat = np.unique(values[values != 0])
+    if len(flat) < FEWEST:
         return MOST_DIGITS
+    flat = flat[:: max(1, len(flat) // SAMPLE)]
     with np.errstate(over="ignore"):
-        if np.array_equal(flat.astype(np.float32).astype(np.float64), flat) and len(np.unique(flat)) > 10:
+        if np.array_equal(flat.astype(np.float32).astype(np.float64), flat):
             return FLOAT32_DIGITS
     least = 1
     for value in flat.tolist():
         while least < MOST_DIGITS and float(f"{value:.{least}g}") != value:
             least += 1
-    # initial states may have few digits by themselves: only many different numbers show how they were written
-    return least if len(np.unique(flat)) > 10 else MOST_DIGITS
+    return least
 
 
 def _require_start(path: Path, scene: Scene, position: np.ndarray, digits: int) -> None:
