@@ -160,6 +160,11 @@ def cases(tier: Any, packages: tuple[str, ...]) -> int:
 @click.argument("case", nargs=-1)
 @PACKAGES
 @click.option("--tier", type=click.Choice(TIERS), default="quick", show_default=True)
+@click.option(
+    "--seeds", type=click.IntRange(5, 10), default=5, show_default=True, help="Of a scene: runs a code."
+)
+@click.option("--against", multiple=True, help="Of a scene: only this code beside gpudem; repeatable.")
+@click.option("--work-precision", is_flag=True, help="Of a scene: error against time over steps.")
 @click.option("--record", is_flag=True, help="Full tier: keep the results in comparisons/recorded/full.")
 @click.option("--codes", "chosen", help="Comma-separated.  [default: all]")
 @click.option(
@@ -193,18 +198,31 @@ def compare(
     own_timeout: float,
     out: Path | None,
     quiet: bool,
+    seeds: int,
+    against: tuple[str, ...],
+    work_precision: bool,
     **options: Any,
 ) -> int:
-    """Run cases (default: all, or those of --cases); write results.json, junit.xml and report.html."""
+    """Run cases (default: all, or those of --cases) or scene files; write results.json, junit.xml, report.html.
+
+    An argument that is a file, or ends in .toml or .json, is a scene: what can be asked of it is found out.
+    """
     from comparisons.cli.scene_commands import output_directory
     from comparisons.harness import execute, progress, recorded_cases
     from comparisons.harness.discover import cases_to_run
+    from comparisons.scene_case import build
 
-    cases = cases_to_run(case, tier, packages)  # first: a package may bring codes
+    scenes, known = build.split(case)
+    cases = cases_to_run(known, tier, packages) if known or packages or not scenes else []  # may bring codes
+    cases += build.from_files(
+        scenes, [c.name for c in cases], seeds=seeds, work_precision=work_precision,
+        precision=options["precision"],
+    )  # fmt: skip
+    beside = ["gpudem", *against] if against else None
     try:
-        names = codes.select(codes.CODES if chosen is None else chosen.split(","))
+        names = codes.select(beside or (codes.CODES if chosen is None else chosen.split(",")))
     except GpudemError as error:
-        raise GpudemError(f"--codes: {error}") from None
+        raise GpudemError(f"{'--against' if against else '--codes'}: {error}") from None
     if own is not None:
         names = (*names, codes.register_command(own, own_name, own_timeout))
     if record and tier != "full":

@@ -204,11 +204,14 @@ class _Cause:
             return part, f"differs by {np.linalg.norm(change):.3g} N; one of several contacts of the particle"
         along = [float(f @ normal) for f in forces]
         across = [float(np.linalg.norm(f - n * normal)) for f, n in zip(forces, along, strict=True)]
-        if share > ALONG:
-            return "normal force", f"{along[0]:.6g} N in {one}, {along[1]:.6g} N in {two}"
-        kind = self.tangential(along, across, pair) if share < 1 - ALONG else "normal and tangential force"
         ratio = [t / n if n else float("nan") for t, n in zip(across, along, strict=True)]
-        return kind, f"|F_t|/F_n = {ratio[0]:.6g} in {one}, {ratio[1]:.6g} in {two}"
+        tangential = f"|F_t|/F_n = {ratio[0]:.6g} in {one}, {ratio[1]:.6g} in {two}"
+        if share < 1 - ALONG:
+            return self.tangential(along, across, pair), tangential
+        normal_force = f"F_n = {along[0]:.6g} N in {one}, {along[1]:.6g} N in {two}"
+        if share > ALONG:
+            return "normal force", normal_force
+        return "normal force and tangential force", f"{normal_force}; {tangential}"
 
     def tangential(self, along: list[float], across: list[float], pair) -> str:
         """Which part of a tangential force differs, as far as two force vectors show."""

@@ -1,0 +1,293 @@
+"""What the runs of a scene show: horizon, agreement, where codes separate, distributions, conservation."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from comparisons.harness import codes
+from comparisons.harness.case import Results
+from comparisons.metrics import bulk, contacts, growth, parting, statistics
+from comparisons.scene_case import plan as plans
+from comparisons.scene_case.plan import Plan
+from gpudem.output.run import Run
+from gpudem.scene import Scene
+from gpudem.scene.time_step import position_spacing
+
+#: What another code may differ by, over what perturbed runs of gpudem differ by: these are few of the ways in
+#: which rounding may develop, and on another one a grazing collision may multiply it.
+FACTOR = 30.0
+#: The horizon: there the allowed difference has grown to this share of the smallest diameter.
+LIMIT = 1e-3
+#: Level of the test over distributions.
+ALPHA = 0.01
+#: Times at which contacts are searched for the sanity of a run.
+LOOKS = 60
+
+
+@dataclasses.dataclass(frozen=True)
+class Envelope:
+    """What rounding explains in this scene, from perturbed runs of gpudem."""
+
+    time: np.ndarray
+    measured: dict[str, np.ndarray]
+    """Largest differences so far of perturbed runs: position [m], speed [m/s], force [N], torque [N m]."""
+    horizon: float
+    """[s]; infinite: the whole run can be compared."""
+    growth: growth.Growth
+
+    @property
+    def allowed(self) -> dict[str, np.ndarray]:
+        """What two codes may differ by."""
+        return {name: FACTOR * values for name, values in self.measured.items()}
+
+    def at(self, time: np.ndarray) -> dict[str, np.ndarray]:
+        """`allowed` at other times [s]."""
+        return {name: np.interp(time, self.time, values) for name, values in self.allowed.items()}
+
+
+@dataclasses.dataclass(frozen=True)
+class Agreement:
+    """Two codes compared particle by particle."""
+
+    time: np.ndarray
+    difference: np.ndarray
+    """Largest difference of positions at each time / smallest diameter."""
+    excess: float
+    """Largest difference of positions or speeds until the horizon over what is allowed."""
+    largest: float
+    """Largest difference of positions until the horizon / smallest diameter."""
+    parting: parting.Parting | None
+
+
+def diameter(scene: Scene) -> float:
+    """Smallest diameter [m], the scale of differences."""
+    return 2 * float(scene.state.radius.min())
+
+
+def trace(run: Run) -> dict[str, np.ndarray]:
+    """The trace of a run. Raises ValueError where a code gives none."""
+    if run.trace is None:
+        raise ValueError(f"{run.code} gives no trace of this scene")
+    return run.trace
+
+
+def has(results: Results, label: str, *codes: str) -> bool:
+    """Whether a variant ran through all of these codes."""
+    return all((label, code) in results.runs for code in codes)
+
+
+def envelope(results: Results, plan: Plan) -> Envelope:
+    """Growth of rounding in the scene, from the runs of gpudem with perturbed starts."""
+
+    def compute() -> Envelope:
+        scene, own = plan.scene, trace(results[plans.SCENE, "gpudem"])
+        found = [
+            parting.differences(scene, own, trace(results[f"{plans.ROUNDING}_{k}", "gpudem"]))
+            for k in range(1, plans.ROUNDING_RUNS + 1)
+        ]
+        floor = floors(scene, own)
+        measured = {
+            name: growth.running_envelope([f[name].max(axis=1) for f in found], floor[name])
+            for name in found[0]
+        }
+        relative = measured["position"] / diameter(scene)
+        rate = growth.growth(own["time"], relative, LIMIT / FACTOR)
+        end = growth.horizon(own["time"], FACTOR * relative, LIMIT)
+        return Envelope(own["time"], measured, end, rate)
+
+    return results.once("envelope", compute)
+
+
+def floors(scene: Scene, own: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Rounding of a motion without contacts: a random walk of one unit in the last place a step, each (t,).
+
+    Perturbed starts do not show it: in free flight their difference does not grow.
+    """
+    steps, time = own["step"], own["time"]
+    unit = float(np.finfo(np.float64 if scene.solver.precision == "float64" else np.float32).eps)
+    fastest = np.maximum.accumulate(np.linalg.norm(own["velocity"], axis=2).max(axis=1))
+    spin = np.linalg.norm(own["angular_velocity"], axis=2).max(axis=1) * float(scene.state.radius.max())
+    walk = np.sqrt(1.0 + steps)
+    speed = unit * np.maximum(fastest, np.maximum.accumulate(spin)) * walk
+    none = np.full(len(steps), np.finfo(float).tiny)
+    position = position_spacing(scene)[0] * walk + speed * time
+    return {"position": position, "speed": speed + none, "force": none, "torque": none}
+
+
+def agreement(results: Results, plan: Plan, code: str, other: str) -> Agreement:
+    """Two codes particle by particle, from the scene's runs, and from a denser trace where there is one."""
+    label = plans.DENSE if has(results, plans.DENSE, code, other) else plans.SCENE
+
+    def compute() -> Agreement:
+        limits = envelope(results, plan)
+        whole = _pair(results, plans.SCENE, code, other)
+        found = parting.differences(plan.scene, *whole)
+        inside = limits.time <= limits.horizon
+        ratios = [found[k].max(axis=1) / limits.allowed[k] for k in ("position", "speed")]
+        relative = found["position"].max(axis=1) / diameter(plan.scene)
+        names = codes.title(code), codes.title(other)
+        first = _pair(results, label, code, other)
+        where = parting.find(
+            results[label, code].scene, names, *first, limits.at(first[0]["time"]),
+            limits.horizon,
+        )  # fmt: skip
+        return Agreement(
+            limits.time, relative, float(np.max(ratios, axis=0)[inside].max()), float(relative[inside].max()),
+            where,
+        )  # fmt: skip
+
+    return results.once(("agreement", label, code, other), compute)
+
+
+def _pair(results: Results, label: str, code: str, other: str):
+    return trace(results[label, code]), trace(results[label, other])
+
+
+def halving(results: Results, plan: Plan) -> tuple[np.ndarray, np.ndarray]:
+    """(time [s], largest difference of positions of the step and half the step / smallest diameter)."""
+    own, half = trace(results[plans.SCENE, "gpudem"]), trace(results[plans.HALF, "gpudem"])
+    count = min(len(own["time"]), len(half["time"]))
+    shift = contacts.nearest_image(
+        own["position"][:count] - half["position"][:count], parting.period(plan.scene)
+    )
+    return own["time"][:count], np.linalg.norm(shift, axis=2).max(axis=1) / diameter(plan.scene)
+
+
+# -- distributions -------------------------------------------------------------------------------------------
+
+
+def seed_labels(plan: Plan) -> list[str]:
+    """Labels of the variants over seeds."""
+    return [f"{plans.SEED}_{k}" for k in range(1, plan.seeds + 1)]
+
+
+def samples(results: Results, plan: Plan, code: str) -> dict[str, np.ndarray]:
+    """Metric -> its values over the seeds of one code."""
+
+    def compute() -> dict[str, np.ndarray]:
+        up, flow = bulk.axes(plan.scene, trace(results[plans.SCENE, "gpudem"]))
+        rows = [
+            bulk.metrics(results[lab, code].scene, trace(results[lab, code]), up, flow)
+            for lab in seed_labels(plan)
+        ]
+        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+    return results.once(("samples", code), compute)
+
+
+def distributions(
+    results: Results, plan: Plan, code: str, other: str
+) -> dict[str, tuple[statistics.Comparison, float]]:
+    """Metric -> (means of two codes by Welch, p corrected for all metrics); metrics that are constant and
+    equal in both are left out.
+    """
+
+    def compute() -> dict[str, tuple[statistics.Comparison, float]]:
+        one, two = samples(results, plan, code), samples(results, plan, other)
+        names = [n for n in one if np.ptp([one[n], two[n]]) > 1e-9 * abs(one[n].mean())]
+        if not names:
+            return {}
+        p = statistics.largest_gap(*(np.array([s[n] for n in names]).T for s in (one, two)))
+        return {n: (statistics.welch(one[n], two[n]), float(q)) for n, q in zip(names, p, strict=True)}
+
+    return results.once(("distributions", code, other), compute)
+
+
+def detectable(found: dict[str, tuple[statistics.Comparison, float]]) -> float:
+    """Largest half width of the 95 % intervals of the differences over the standard deviation of a seed."""
+    widths = [
+        c.half_width / math.sqrt((c.spread[0] ** 2 + c.spread[1] ** 2) / 2)
+        for c, _ in found.values() if max(c.spread) > 0
+    ]  # fmt: skip
+    return max(widths, default=math.nan)
+
+
+# -- conservation and sanity ---------------------------------------------------------------------------------
+
+
+@dataclasses.dataclass(frozen=True)
+class Sanity:
+    """One run of one code by itself."""
+
+    time: np.ndarray
+    energy: np.ndarray
+    """Kinetic, potential and elastic energy of normal contacts [J] at these times."""
+    scale: float
+    """Largest kinetic energy [J]."""
+    contacts: np.ndarray
+    """Contacts at these times."""
+    overlap: float
+    """Largest overlap / smaller radius at these times."""
+    outside: int
+    """Particles that are not finite, or outside the domain, at any time of the trace."""
+    momentum: float
+    """Largest change of momentum, that of gravity taken off / sum of m |v| and of that of gravity."""
+
+
+def sanity(results: Results, plan: Plan, code: str) -> Sanity:
+    """Conservation and sanity of a code's run of the scene."""
+
+    def compute() -> Sanity:
+        scene, whole = plan.scene, trace(results[plans.SCENE, code])
+        looks = np.unique(np.linspace(0, len(whole["time"]) - 1, LOOKS).astype(int))
+        busy = _busiest(scene, whole)
+        looks = np.unique([*looks, *busy])
+        part = {k: v[looks] for k, v in whole.items()}
+        energy = bulk.energies(scene, part)
+        states = [
+            contacts.find(x, scene.state.radius, parting.period(scene), parting.walls_at(scene, float(t)))
+            for x, t in zip(part["position"], part["time"], strict=True)
+        ]
+        elastic = np.array(
+            [elastic_energy(scene, s, float(t)) for s, t in zip(states, part["time"], strict=True)]
+        )
+        kinetic = bulk.energies(scene, whole)["kinetic"]
+        return Sanity(
+            part["time"], energy["kinetic"] + energy.get("potential", 0.0) + elastic, float(kinetic.max()),
+            np.array([len(s) for s in states]),
+            max(s.largest_overlap(scene.state.radius) for s in states), _outside(scene, whole),
+            _momentum(scene, whole),
+        )  # fmt: skip
+
+    return results.once(("sanity", code), compute)
+
+
+def _busiest(scene: Scene, whole: dict[str, np.ndarray]) -> list[int]:
+    """Index of the largest contact force: where the overlap is largest."""
+    weight = scene.masses[:, None] * np.array(scene.gravity)
+    return [int(np.argmax(np.linalg.norm(whole["force"] - weight, axis=2).max(axis=1)))]
+
+
+def elastic_energy(scene: Scene, state: contacts.Contacts, time: float) -> float:
+    """Elastic energy [J] of the normal contacts by the scene's law: m* v^2/2 of each overlap."""
+    names, law = list(scene.materials), scene.normal_law
+    mass, radius = scene.masses.tolist(), scene.state.radius.tolist()
+    material, walls, energy = scene.state.material, parting.walls_at(scene, time), 0.0
+    for (i, j), overlap in zip(state.pairs.tolist(), state.overlap.tolist(), strict=True):
+        r, m = radius[i] * radius[j] / (radius[i] + radius[j]), mass[i] * mass[j] / (mass[i] + mass[j])
+        inputs = scene.inputs(names[material[i]], names[material[j]])
+        energy += 0.5 * m * law.release_speed(inputs, r, m, max(overlap, 0.0)) ** 2
+    for (i, k), overlap in zip(state.wall_pairs.tolist(), state.wall_overlap.tolist(), strict=True):
+        inputs = scene.inputs(names[material[i]], walls[k].material)
+        energy += 0.5 * mass[i] * law.release_speed(inputs, radius[i], mass[i], overlap) ** 2
+    return float(energy)
+
+
+def _outside(scene: Scene, whole: dict[str, np.ndarray]) -> int:
+    position = whole["position"]
+    slack = 1e-6 * float(scene.state.radius.max())
+    lo, hi = np.array(scene.domain.lo) - slack, np.array(scene.domain.hi) + slack
+    bad = ~np.isfinite(position) | (position < lo) | (position > hi)
+    return int(bad.any(axis=(0, 2)).sum())
+
+
+def _momentum(scene: Scene, whole: dict[str, np.ndarray]) -> float:
+    mass = scene.masses
+    total = np.einsum("i,tij->tj", mass, whole["velocity"])
+    fall = mass.sum() * whole["time"][:, None] * np.array(scene.gravity)
+    moved = np.linalg.norm(total - total[0] - fall, axis=1)
+    scale = (np.linalg.norm(whole["velocity"], axis=2) @ mass).max() + np.linalg.norm(fall, axis=1).max()
+    return float(moved.max() / scale) if scale > 0 else 0.0

@@ -1,0 +1,117 @@
+"""One sentence: what was found on a scene."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from comparisons.harness import codes
+from comparisons.harness.case import Results
+from comparisons.harness.results import CheckResult
+from comparisons.scene_case import analysis
+from comparisons.scene_case import plan as plans
+from comparisons.scene_case.plan import Plan
+
+
+def sentence(plan: Plan, results: Results, checks: Sequence[CheckResult]) -> str:
+    """What was found: agreement of each pair, codes left out, and checks of single codes that fail."""
+    ran = _ran(results)
+    if not ran:
+        return "no code ran the scene: " + "; ".join(dict.fromkeys(results.left_out.values()))
+    parts = [_pair(plan, results, *pair) for pair in pairs_of(results)]
+    if not parts:
+        parts = [_alone(plan, results, ran)]
+    parts += [
+        f"{codes.title(code)} is left out ({_short(why)})"
+        for (label, code), why in results.left_out.items() if label == plans.SCENE
+    ]  # fmt: skip
+    parts.append(_sanity(checks))
+    return "; ".join(part for part in parts if part) + "."
+
+
+def _ran(results: Results) -> list[str]:
+    return [code for code in codes.CODES if (plans.SCENE, code) in results.runs]
+
+
+def pairs_of(results: Results) -> list[tuple[str, str]]:
+    """Pairs of codes that ran the scene: (under test, the other)."""
+    return codes.pairs(_ran(results))
+
+
+def _pair(plan: Plan, results: Results, code: str, other: str) -> str:
+    one, two = codes.title(code), codes.title(other)
+    if not analysis.has(results, plans.SCENE, "gpudem") or incomplete(results):
+        return f"{one} and {two} are not compared: runs of gpudem are missing"
+    limits = analysis.envelope(results, plan)
+    found = analysis.agreement(results, plan, code, other)
+    if found.parting is not None:
+        return f"{one} and {two} separate earlier than rounding explains: {found.parting.sentence}"
+    if math.isinf(limits.horizon):
+        return (
+            f"{one} and {two} agree to rounding in the whole run of {limits.time[-1]:.4g} s"
+            f" ({_size(found.largest)})"
+        )
+    why = "rounding differences then exceed a thousandth of a diameter"
+    if limits.growth.rate:
+        why = f"rounding differences grow tenfold every {limits.growth.decade:.2g} s"
+    text = f"{one} and {two} agree to rounding until {limits.horizon:.4g} s ({why})"
+    return f"{text}; after that {_after(plan, results, code, other)}"
+
+
+def _size(largest: float) -> str:
+    return f"largest difference {largest:.1e} diameters" if largest > 0 else "positions to the last bit"
+
+
+def _after(plan: Plan, results: Results, code: str, other: str) -> str:
+    if not analysis.has(results, analysis.seed_labels(plan)[0], code, other):
+        return "nothing is compared"
+    found = analysis.distributions(results, plan, code, other)
+    over = f"{plan.seeds} {plan.starts}"
+    low = {name: p for name, (_, p) in found.items() if p < analysis.ALPHA}
+    if low:
+        name = min(low, key=lambda n: low[n])
+        one, two = found[name][0].mean
+        return (
+            f"a significant difference over {over} in {len(low)} of {len(found)} metrics, first of all"
+            f" {name}: {one:.4g} against {two:.4g} (corrected p = {low[name]:.2g})"
+        )
+    return (
+        f"no significant difference in {len(found)} metrics over {over} (p > {analysis.ALPHA:g}; differences"
+        f" of means up to {analysis.detectable(found):.1f} standard deviations remain possible)"
+    )
+
+
+def _alone(plan: Plan, results: Results, ran: list[str]) -> str:
+    title = " and ".join(codes.title(code) for code in ran)
+    text = f"{title} ran without another code to compare with"
+    if "gpudem" in ran and not incomplete(results):
+        limits = analysis.envelope(results, plan)
+        time, relative = analysis.halving(results, plan)
+        end = min(limits.horizon, float(time[-1]))
+        moved = float(relative[time <= end].max())
+        text += f"; half the step changes positions until {end:.4g} s by at most {moved:.1e} diameters"
+    return text
+
+
+def incomplete(results: Results) -> bool:
+    """Whether a run of gpudem that shows the growth of rounding is missing."""
+    labels = [plans.SCENE, plans.HALF, *(f"{plans.ROUNDING}_{k}" for k in range(1, plans.ROUNDING_RUNS + 1))]
+    return any((label, "gpudem") not in results.runs for label in labels)
+
+
+def _sanity(checks: Sequence[CheckResult]) -> str:
+    """Checks of single codes that fail or could not be evaluated."""
+    bad = [c.name for c in checks if c.status in ("fail", "error") and c.mark != "X"]
+    good = sum(c.status == "pass" for c in checks if c.mark != "X")
+    if bad:
+        return f"not sound: {', '.join(bad)}"
+    return f"all {good} checks of conservation and sanity hold" if good else ""
+
+
+def _short(why: str) -> str:
+    """The reason in one line: of several points the first, and how many more."""
+    lines = [line.strip(" -") for line in why.splitlines() if line.strip()]
+    if len(lines) > 1 and lines[0].endswith(":"):
+        more = f" and {len(lines) - 2} more" if len(lines) > 2 else ""
+        return lines[1] + more
+    return lines[0] if lines else "no reason given"

@@ -1,0 +1,249 @@
+"""A scene of the user as a case: codes that are gpudem with one thing changed stand for other codes."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from comparisons import cli
+from comparisons.harness import codes, execute
+from comparisons.scene_case import build
+from comparisons.scene_case import plan as plans
+from gpudem import driver
+from gpudem.errors import GpudemError
+from gpudem.scene import Scene
+from reference.code import Code
+from reference.errors import CannotState, CodeMissing
+
+SCENES = Path(__file__).parent / "scenes"
+
+
+def hit(**changes) -> Scene:
+    """A spinning ball flies, hits a floor with friction, and leaves it: some 600 steps."""
+    scene = {
+        "name": "hit",
+        "materials": {
+            "glass": {"young": 1e7, "poisson": 0.25, "density": 2500.0},
+            "steel": {"young": 5e7, "poisson": 0.3, "density": 7800.0},
+        },
+        "pairs": [
+            {"materials": ("glass", "glass"), "restitution": 0.9, "friction": 0.3},
+            {"materials": ("glass", "steel"), "restitution": 0.8, "friction": 0.2},
+        ],
+        "particles": {
+            "source": "explicit",
+            "position": [[0.02, 0.02, 0.006], [0.05, 0.021, 0.03]], "radius": 0.005, "material": "glass",
+            "velocity": [[0.6, 0.0, -0.6], [0.0, 0.0, 0.0]],
+            "angular_velocity": [[0.0, 30.0, 5.0], [0, 0, 0]],
+        },
+        "gravity": (0.0, 0.0, -9.81),
+        "walls": [
+            {"kind": "plane", "name": "floor", "material": "steel", "point": (0, 0, 0), "normal": (0, 0, 1)}
+        ],
+        "domain": {"lo": (0.0, 0.0, 0.0), "hi": (0.1, 0.05, 0.1)},
+        "time": {"step": 1e-5, "duration": 0.006},
+    }  # fmt: skip
+    return Scene(**{**scene, **changes})
+
+
+def beside(change, name="other") -> Code:
+    """A reference code that runs gpudem on a changed scene and gives the result for the scene."""
+
+    def run(scene, directory, options, progress, extra):
+        made = driver.simulate(change(scene), directory, threads=1, progress=progress)
+        return dataclasses.replace(made, code=name, scene=scene)
+
+    return Code(name, "Other", run, role="reference", unit="core")
+
+
+def pair(scene: Scene, **properties) -> Scene:
+    """The scene with other properties of the pair glass / steel."""
+    pairs = [p.model_dump() for p in scene.pairs]
+    pairs[-1] |= properties
+    return scene.replace(pairs=pairs)
+
+
+@pytest.fixture
+def compare(tmp_path, monkeypatch):
+    """compare(scene, other, ...) -> (sentence, comparison)."""
+
+    def run(scene, other=None, **options):
+        known = {"gpudem": codes.CODES["gpudem"], **({other.name: other} if other else {})}
+        monkeypatch.setattr(codes, "CODES", known)
+        case = dataclasses.replace(build.of_scene(scene, "mine", "a test", **options), figures=())
+        settings = codes.Options(threads=1)
+        folder = tmp_path / f"run_{len(list(tmp_path.iterdir()))}"
+        folder.mkdir()
+        comparison = execute.Session([case], folder, options=settings).run()
+        assert not comparison.broken()
+        return comparison.cases[0].headline, comparison
+
+    return run
+
+
+def test_an_equal_code_agrees_to_the_end(compare):
+    """Detects: an accusation of rounding; a comparison of which nothing is evaluated."""
+    sentence, comparison = compare(hit(), beside(lambda scene: scene.replace(solver={"skin": 2.5e-3})))
+    assert sentence.startswith("gpudem and Other agree to rounding in the whole run of 0.006 s")
+    assert comparison.counts()["fail"] == comparison.counts()["error"] == 0
+    agreed = next(c for c in comparison.checks if c.name.startswith("positions and speeds"))
+    assert agreed.status == "pass"
+    assert "601 times" in agreed.note
+
+
+FRICTION = "tangential force at the friction limit between particle 1 and wall floor"
+DAMPING = "normal force and tangential force between particle 1 and wall floor"
+CONTACT = "missing contact (neighbor list or wall list) between particle 1 and wall floor"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda s: pair(s, friction=0.21), FRICTION),
+        (lambda s: pair(s, restitution=0.79), DAMPING),
+        (lambda s: s.replace(gravity=(0, 0, -9.81 * (1 + 1e-6))), "force without a contact of particle"),
+        (lambda s: s.replace(walls=()), CONTACT),
+    ],
+    ids=["friction", "damping", "gravity", "contact"],
+)
+def test_a_wrong_code_is_told_where_it_separates(compare, change, said):
+    """Detects: a defect of a law, of the gravity or of a list that the sentence does not name."""
+    scene = hit(allow=("speed",), domain={"lo": (0, 0, -0.1), "hi": (0.1, 0.05, 0.1)})
+    sentence, comparison = compare(scene, beside(change))
+    assert "earlier than rounding explains" in sentence
+    assert said in sentence
+    assert comparison.exit_code() == 1
+
+
+def test_a_scene_that_the_other_code_cannot_state(compare):
+    """Detects: an error, or silence, where one code is left out."""
+
+    def refuse(scene):
+        raise CannotState("Other cannot state this scene:\n  - walls.slope: tilted\n  - another")
+
+    sentence, comparison = compare(hit(), beside(refuse))
+    assert "Other is left out (walls.slope: tilted and 1 more)" in sentence
+    assert "gpudem ran without another code to compare with; half the step changes positions" in sentence
+    assert comparison.exit_code() == 0
+
+    def missing(scene):
+        raise CodeMissing("Other is not installed: get it")
+
+    sentence, comparison = compare(hit(), beside(missing))
+    assert "Other is left out (Other is not installed: get it)" in sentence
+    assert comparison.exit_code() == 0
+
+
+def test_a_failed_code_is_an_error(compare):
+    """Detects: a crash that is shown as agreement."""
+
+    def crash(scene):
+        raise GpudemError("it broke")
+
+    sentence, comparison = compare(hit(), beside(crash))
+    assert "it broke" in sentence
+    assert comparison.exit_code() == 3
+
+
+def test_an_unsound_scene_is_said_to_be(compare):
+    """Detects: overlaps of half a radius that no sentence mentions."""
+    soft = {"glass": {"young": 3e4, "poisson": 0.25, "density": 2500.0}}
+    scene = hit(materials={**hit().model_dump()["materials"], **soft})
+    assert "not sound: largest overlap / radius (gpudem)" in compare(scene)[0]
+
+
+GAS = {
+    "source": "lattice", "material": "glass", "count": 27, "lo": (0, 0, 0), "hi": (0.033, 0.033, 0.033),
+    "radius": 0.005, "spacing": 1.1, "velocity_rms": 0.8, "seed": 3,
+}  # fmt: skip
+
+
+def gas(duration: float = 0.08) -> Scene:
+    """Elastic balls in a periodic box: rounding grows tenfold every few milliseconds."""
+    return hit(
+        pairs=[{"materials": ("glass", "glass")}], particles=GAS, walls=(), gravity=(0.0, 0.0, 0.0),
+        domain={"lo": (0, 0, 0), "hi": (0.033, 0.033, 0.033), "periodic": (True, True, True)},
+        time={"step": 2e-5, "duration": duration},
+    )  # fmt: skip
+
+
+def test_after_the_horizon_distributions_over_seeds(compare):
+    """Detects: chaos called a defect; a changed law that only the distributions show and that is missed."""
+    sentence, comparison = compare(gas(), beside(lambda s: s.replace(solver={"skin": 2.5e-3})))
+    assert "agree to rounding until 0.0" in sentence
+    assert "rounding differences grow tenfold every 0.0" in sentence
+    assert "after that no significant difference in" in sentence
+    assert {r.variant for r in comparison.runs} >= {"seed_1", "seed_5"}
+    table = next(a for a in comparison.cases[0].artefacts if a.title == "Distributions")
+    assert table.status == "ok"
+
+
+def test_the_intervals_of_the_trace():
+    """Detects: memory without bound; a run of another length than the scene's."""
+    plan = plans.make(gas(2.0), 5, False)
+    assert plan.scene.n_steps == 100_000
+    assert plan.times * 27 * plans.ENTRY * (plans.ROUNDING_RUNS + 4) <= plans.TRACE_MEMORY
+    assert plan.stride == 8
+    frames = hit(output={"frames_every": 0.004})
+    assert plans.make(frames, 5, False).scene.n_steps == frames.n_steps == 800
+
+
+def test_a_perturbed_start():
+    """Detects: a perturbation of another size, or one that leaves the plane of a plane motion."""
+    scene = hit()
+    moved = plans.perturbed(scene, 1e-9, 1).state
+    shift = np.abs(moved.position - scene.state.position)
+    assert 1e-10 < shift.max() <= 1e-9
+    assert np.array_equal(moved.velocity, scene.state.velocity)
+    flat = hit(
+        particles={
+            "source": "explicit",
+            "position": [[0.02, 0.02, 0.02], [0.04, 0.02, 0.03]],
+            "radius": 0.005,
+            "material": "glass",
+        }
+    )
+    shift = plans.perturbed(flat, 1e-9, 1).state.position - flat.state.position
+    assert not shift[:, 1].any()
+    assert shift[:, [0, 2]].all()
+
+
+def test_steps_and_precisions(compare):
+    """Detects: a ladder without a reference; an error that does not fall with the step."""
+    _, comparison = compare(hit(), work_precision=True)
+    table = next(a for a in comparison.cases[0].artefacts if a.title == "Steps and precisions")
+    assert table.status == "ok", table.why
+    assert {r.variant for r in comparison.runs} >= {"step_1_float32", "step_0.0625_float64"}
+
+
+def test_files_and_names_at_the_command_line(tmp_path, monkeypatch, capsys):
+    """Detects: a scene taken for the name of a case, two scenes of one name, a file that is not there."""
+    monkeypatch.chdir(tmp_path)
+    text = (SCENES / "stiff_pair.toml").read_text().replace("duration = 0.003", "duration = 1e-5")
+    (tmp_path / "one.toml").write_text(text)
+    (tmp_path / "two.json").write_text(Scene.from_toml(tmp_path / "one.toml").to_json())
+    made = build.from_files(["one.toml", "two.json"], ["stiff_pair"])
+    assert [case.name for case in made] == ["stiff_pair_2", "stiff_pair_3"]
+    assert build.is_scene("missing.toml")
+    assert not build.is_scene("head_on")
+    assert cli.main(["compare", "missing.toml", "-q"]) == 2
+    assert "no such file" in capsys.readouterr().err
+    assert cli.main(["compare", "one.toml", "--against", "yade", "-q"]) == 2
+    assert "--against: no code 'yade'" in capsys.readouterr().err
+
+
+@pytest.mark.liggghts
+def test_a_scene_through_liggghts(tmp_path, capsys):
+    """Detects: the command without its sentence; a scene for which the two codes do not agree."""
+    out = str(tmp_path / "out")
+    scene = tmp_path / "pair.toml"
+    scene.write_text(
+        (SCENES / "stiff_pair.toml").read_text().replace("duration = 0.003", "duration = 0.0008")
+    )
+    assert cli.main(["compare", str(scene), "--out", out, "-q"]) == 0
+    found = capsys.readouterr().out
+    assert "stiff_pair: gpudem and LIGGGHTS agree to rounding in the whole run of 0.0008 s" in found
+    assert "agree to rounding" in (tmp_path / "out" / "report.html").read_text()
