@@ -14,7 +14,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -23,6 +23,9 @@ from comparisons.harness.case import TIERS
 from gpudem._version import __version__
 from gpudem.errors import GpudemError, SceneError
 from gpudem.extras import from_extra
+
+if TYPE_CHECKING:
+    from comparisons.harness.results import Comparison
 
 BAD_INPUT, COULD_NOT_RUN, INTERRUPTED = 2, 3, 130
 #: What ends a run in order: what is there is saved first. SIGHUP is that of a terminal that closes.
@@ -203,7 +206,7 @@ def compare(
     work_precision: bool,
     **options: Any,
 ) -> int:
-    """Run cases (default: all, or those of --cases) or scene files; write results.json, junit.xml, report.html.
+    """Run cases (default: all, or those of --cases) or scene files; write a report, results.json, junit.xml.
 
     An argument that is a file, or ends in .toml or .json, is a scene: what can be asked of it is found out.
     """
@@ -238,6 +241,14 @@ def compare(
         result = session.run()
     for path in recorded_cases.keep(result, directory) if record else []:
         click.echo(f"kept: {path}", err=True)
+    _found(result, directory)
+    return result.exit_code()
+
+
+def _found(result: Comparison, directory: Path) -> None:
+    """The last lines of a comparison."""
+    from comparisons.harness import progress
+
     n = result.counts()
     click.echo(
         f"{n['pass']} pass, {n['fail']} fail, {n['error']} error, {n['left_out']} left out"
@@ -249,7 +260,6 @@ def compare(
         click.echo(f"error: {line}", err=True)
     if result.state == "interrupted":
         click.echo("interrupted: what was done so far is in the report", err=True)
-    return result.exit_code()
 
 
 @app.command()

@@ -106,8 +106,13 @@ CONTACT = "missing contact (neighbor list or wall list) between particle 1 and w
         (lambda s: pair(s, restitution=0.79), DAMPING),
         (lambda s: s.replace(gravity=(0, 0, -9.81 * (1 + 1e-6))), "force without a contact of particle"),
         (lambda s: s.replace(walls=()), CONTACT),
+        (lambda s: s.replace(contact={"tangential_damping": False}), "tangential force at the first touch"),
+        (
+            lambda s: pair(s.replace(contact={"rolling": "cdt"}), rolling_friction=1e-3),
+            "torque between particle 1",
+        ),
     ],
-    ids=["friction", "damping", "gravity", "contact"],
+    ids=["friction", "damping", "gravity", "contact", "dashpot", "rolling"],
 )
 def test_a_wrong_code_is_told_where_it_separates(compare, change, said):
     """Detects: a defect of a law, of the gravity or of a list that the sentence does not name."""
