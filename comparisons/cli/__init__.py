@@ -187,6 +187,11 @@ def cases(tier: Any, packages: tuple[str, ...]) -> int:
 @THREADS
 @RANKS
 @click.option(
+    "--jobs",
+    type=click.IntRange(1),
+    help="Runs side by side, those that are not timed.  [default: one a core; on a GPU 1]",
+)
+@click.option(
     "--out", type=click.Path(path_type=Path), help="New or empty folder.  [default: runs/<UTC>_<commit>]"
 )
 @QUIET
@@ -199,6 +204,7 @@ def compare(
     own: str | None,
     own_name: str,
     own_timeout: float,
+    jobs: int | None,
     out: Path | None,
     quiet: bool,
     seeds: int,
@@ -235,9 +241,11 @@ def compare(
     with output_directory(out) as directory:
         reporter = progress.reporter(quiet)
         reporter.say(f"report: {directory / 'report.html'} (rewritten after every case)")
+        made = codes.Options(**options)
         session = execute.Session(
-            cases, directory, tier=tier, selected=names, options=codes.Options(**options), reporter=reporter
-        )
+            cases, directory, tier=tier, selected=names, options=made, reporter=reporter,
+            workers=execute.default_workers(made) if jobs is None else jobs,
+        )  # fmt: skip
         result = session.run()
     for path in recorded_cases.keep(result, directory) if record else []:
         click.echo(f"kept: {path}", err=True)

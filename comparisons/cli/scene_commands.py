@@ -88,13 +88,13 @@ def _shown(
     before = scene_checks.scene_warnings(scene) if code == "event_driven" else scene_checks.warnings(scene)
     for warning in before:
         click.echo(f"warning: {warning}", err=True)
-    reporter.begin(scene.name, len(scene.state), scene.n_steps)
-    reporter.pace.done = done
+    pace = reporter.begin(scene.name, len(scene.state), scene.n_steps)
+    pace.done = done
     try:
-        result = start(reporter.step)
+        result = start(lambda step: reporter.step(pace, step))
     except KeyboardInterrupt:
         reporter.close()
-        step = _last_step(directory, reporter.pace.done)
+        step = _last_step(directory, pace.done)
         click.echo(f"interrupted at step {step}{_stays(directory)}", err=True)
         if (directory / FILE).is_file():
             click.echo(f"continue with: gpudem resume {directory}", err=True)
@@ -102,7 +102,7 @@ def _shown(
     except GpudemError as error:
         raise RunError(f"{codes.title(code)} could not run {what}: {error}{_stays(directory)}") from error
     finally:
-        reporter.end()
+        reporter.end(pace)
         reporter.close()
     for warning in (w for w in result.warnings if w not in before):
         click.echo(f"warning: {warning}", err=True)

@@ -63,6 +63,8 @@ class Variant:
     may_end: bool = False
     """The scene is there to find out whether codes come through: an error of a code is a result, kept in
     `Results.ended`, and no failure of the comparison."""
+    timed: bool = False
+    """A check, figure or table reads the times of its runs: nothing runs beside them."""
 
     def __post_init__(self) -> None:
         _require_name("variant", self.label)
@@ -272,6 +274,8 @@ class Case:
     order: int = 100
     """Place in the report; lower first, quick cases first."""
     tiers: tuple[Tier, ...] = TIERS
+    timed: bool = False
+    """Its checks, figures or tables time programs themselves: nothing runs beside them."""
     follow_up: Callable[[Results], list[Variant]] | None = None
     """Variants that depend on what the others show: made from their results, run after them."""
     headline: Callable[[Results, Sequence[CheckResult]], str] | None = None

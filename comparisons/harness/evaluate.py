@@ -86,6 +86,14 @@ class Evaluation:
         """Runs left out since the code cannot be given the scene: why."""
         self._cache: dict[Any, Any] = {}
 
+    def sort(self, order: dict[tuple[str, str, str], int]) -> None:
+        """Put the runs in the order of (case, variant, code), whichever came in first."""
+        for found in (self.runs, self.failed, self.ended, self.absent, self.unstated):
+            keys = sorted(found, key=lambda key: order[self.case.name, *key])
+            held = {key: found[key] for key in keys}
+            found.clear()
+            found.update(held)  # pyright: ignore[reportArgumentType, reportCallIssue]
+
     def check(self, check: Check) -> CheckResult:
         """Evaluate one check; an exception becomes an error result with its message."""
         status, why, found = self._measure(check)

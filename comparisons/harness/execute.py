@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import time
 import traceback
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from comparisons.harness import codes, provenance, recorded_cases, setup_table
+from comparisons.harness import codes, jobs, provenance, recorded_cases, setup_table
 from comparisons.harness.case import Case, Tier, Variant
 from comparisons.harness.evaluate import Evaluation, describe, outcome
 from comparisons.harness.progress import Reporter, duration
@@ -24,11 +27,10 @@ from comparisons.harness.results import (
 from comparisons.report import junit
 from comparisons.report import page as report
 from gpudem.errors import GpudemError
-from reference.errors import CannotState, CodeMissing, CodeTimeout
+from gpudem.output.run import Timing
+from gpudem.solver.device import cores
 
 LATEST = "latest"
-#: A code that is not there or does not come to an end has said nothing about a scene.
-NO_ANSWER = (CodeMissing, CodeTimeout)
 
 
 def new_directory(root: Path, commit: str) -> Path:
@@ -69,8 +71,59 @@ def own_directory(directory: Path) -> Path:
     return directory
 
 
+@dataclasses.dataclass
+class _Open:
+    """A case under way."""
+
+    evaluation: Evaluation
+    result: CaseResult
+    variants: dict[str, Variant] = dataclasses.field(default_factory=dict)
+    to_run: list[jobs.Job] = dataclasses.field(default_factory=list)
+    """Its runs that have no outcome yet."""
+    followed: bool = False
+    """Its follow-up is among them, or done."""
+    spent: float = 0.0
+    """Seconds of its set-up, runs, checks, figures and tables, whether or not others ran beside them."""
+
+    @property
+    def case(self) -> Case:
+        return self.evaluation.case
+
+    def is_timed(self, job: jobs.Job) -> bool:
+        """Whether nothing may run beside a run."""
+        return self.case.timed or self.variants[job.key[1]].timed
+
+    @contextlib.contextmanager
+    def errors(self) -> Iterator[None]:
+        """An exception of the block is that of the case, whose checks then have no result."""
+        began = time.monotonic()
+        try:
+            yield
+        except Exception as error:
+            self.result = dataclasses.replace(self.result, status="error", why=describe(error))
+            self.to_run.clear()
+        self.spent += time.monotonic() - began
+
+
+#: Runs that an executor has.
+_Sent = dict["Future[jobs.Outcome]", tuple[_Open, jobs.Job]]
+
+
 class Session:
-    """One comparison: the cases, the codes, the folder, and the results so far."""
+    """One comparison: the cases, the codes, the folder, and the results so far.
+
+    Args:
+        cases: What to run.
+        directory: An empty folder for all that is written.
+        tier: Which variants and checks of the cases.
+        selected: Names of codes; None: all.
+        options: How they run.
+        reporter: Where progress is shown.
+        command: The command line, for the report.
+        workers: Runs side by side in so many processes, one core each; 1: one after another in this process,
+            with the cores that `options` allows. Variants and cases that are timed run alone either way.
+        executor: Takes the runs instead of local workers; `jobs.Job` and `jobs.Outcome` are what is sent.
+    """
 
     def __init__(
         self,
@@ -82,13 +135,18 @@ class Session:
         options: codes.Options | None = None,
         reporter: Reporter | None = None,
         command: list[str] | None = None,
+        workers: int = 1,
+        executor: Executor | None = None,
     ):
         self.cases = {case.name: case for case in cases}
         selected = tuple(codes.CODES) if selected is None else selected
         self.directory, self.selected = directory, selected
         self.tier: Tier = tier
         self.options, self.reporter = options or codes.Options(), reporter or Reporter()
+        self._workers, self._executor = workers, executor
+        self._display = jobs.Display(self.reporter)
         self._began = time.monotonic()
+        self._order: dict[jobs.Key, int] = {}
         self.comparison = Comparison(
             tier=tier,
             codes=selected,
@@ -100,12 +158,17 @@ class Session:
         )
 
     def run(self) -> Comparison:
-        """All cases in order. After Ctrl-C what is done is kept, and the rest is left out, and why."""
+        """All cases. After Ctrl-C what is done is kept, and the rest is left out, and why."""
         self.write()
         try:
-            for number, case in enumerate(self.cases.values(), 1):
-                self.reporter.say(f"[{number}/{len(self.cases)}] {case.name}: {case.title}")
-                self.run_case(case)
+            if self._executor is not None:
+                self._side_by_side(self._executor)
+            elif self._workers > 1:
+                with jobs.local_workers(self._workers, self._display) as executor:
+                    self._side_by_side(executor)
+            else:
+                for case in self.cases.values():
+                    self.run_case(case)
             self.finished()
         except KeyboardInterrupt:
             self.interrupted()
@@ -119,33 +182,11 @@ class Session:
         self.write()
 
     def run_case(self, case: Case) -> list[CheckResult]:
-        """All variants through all selected codes, then checks, findings, figures and tables; the page is
-        rewritten.
-        """
-        began, evaluation = time.monotonic(), Evaluation(case, self.tier, self.selected)
-        result = _blank(case, self.tier)
-        try:
-            variants = case.variants(self.tier)
-            result = dataclasses.replace(result, setup=setup_table.rows([v.scene for v in variants]))
-            self._run_all(evaluation, variants)
-            self._run_all(evaluation, evaluation.follow_up())
-            result = dataclasses.replace(result, status="done")
-        except Exception as error:
-            result = dataclasses.replace(result, status="error", why=describe(error))
-        checks = self._checks(evaluation, result)
-        self.comparison.checks += checks
-        findings = [evaluation.finding(f) for f in case.findings_of(self.tier, self.selected)]
-        self.comparison.findings += findings
-        figures = [f for f in case.figures if self.tier in f.tiers]
-        tables = [t for t in case.tables if self.tier in t.tiers]
-        result.artefacts[:] = [evaluation.figure(f, self.directory, k) for k, f in enumerate(figures, 1)]
-        result.artefacts.extend(evaluation.table(t, self.directory, k) for k, t in enumerate(tables, 1))
-        headline = evaluation.headline(checks)
-        result = dataclasses.replace(result, headline=headline)
-        self._replace(dataclasses.replace(result, wall_s=time.monotonic() - began))
-        self._say(result, checks, findings, time.monotonic() - began)
-        self.write()
-        return checks
+        """All variants through all selected codes, one after another in this process, then its checks."""
+        opened = self._open(case)
+        self._title(opened)
+        self._alone(opened)
+        return self._judge(opened)
 
     def interrupted(self) -> None:
         """Ctrl-C: what did not come to be evaluated is left out, and said so."""
@@ -162,6 +203,11 @@ class Session:
 
     def write(self) -> None:
         """Bring results.json, junit.xml and report.html up to date, each whole or not at all."""
+        place = {name: k for k, name in enumerate(self.cases)}
+        for of_cases in (self.comparison.checks, self.comparison.findings):
+            of_cases.sort(key=lambda result: place[result.case])
+        for of_runs in (self.comparison.runs, self.comparison.timings):
+            of_runs.sort(key=lambda r: (place[r.case], self._order[r.case, r.variant, r.code]))
         self.comparison.wall_s = time.monotonic() - self._began
         self.comparison.written = provenance.utc_now()
         self.comparison.save(self.directory)
@@ -170,49 +216,125 @@ class Session:
 
     # -- parts -----------------------------------------------------------------------------------------------
 
-    def _run_all(self, evaluation: Evaluation, variants: list[Variant]) -> None:
-        for variant in variants:
-            for code in variant.codes_of(self.selected):
-                self._run(evaluation, variant, code)
+    def _side_by_side(self, executor: Executor) -> None:
+        """What is timed first, alone; then all others, each case judged when its last run is in.
 
-    def _run(self, evaluation: Evaluation, variant: Variant, code: str) -> None:
-        case, scene = evaluation.case.name, variant.scene
-        directory = self.directory / case / variant.label / code
-        directory.mkdir(parents=True)
-        facts = {
-            "case": case,
-            "variant": variant.label,
-            "code": code,
-            "directory": str(directory.relative_to(self.directory)),
-            "scene_hash": scene.hash,
-            "state_hash": provenance.state_hash(scene),
-            "seed": provenance.seed(scene),
-        }
-        began = time.monotonic()
-        self.reporter.begin(f"{case} {variant.label} {codes.title(code)}", len(scene.state), scene.n_steps)
+        Checks are evaluated in this process while workers go on with the runs of other cases.
+        """
+        opened = [self._open(case) for case in self.cases.values()]
+        for case in opened:
+            for job in [job for job in case.to_run if case.is_timed(job)]:
+                self._here(case, job)
+            if case.case.timed:
+                self._title(case)
+                self._alone(case)
+                self._judge(case)
+        waiting: _Sent = {}
+        for case in opened:
+            self._send(case, executor, waiting)
+        ready = [case for case in opened if not case.to_run and not case.case.timed]
+        at_the_end: list[_Open] = []
         try:
-            extra = variant.options.get(code, {})
-            run = codes.CODES[code].run(scene, directory, self.options, self.reporter.step, extra)
-        except Exception as error:
-            why = describe(error)
-            left_out = _left_out(evaluation, variant, code, error)
-            if left_out is not None:
-                left_out[variant.label, code] = why
-                self.comparison.runs.append(RunResult(**facts, version="", status="left_out", why=why))
-                return
-            if variant.may_end and isinstance(error, GpudemError) and not isinstance(error, NO_ANSWER):
-                evaluation.ended[variant.label, code] = why
-                self.comparison.runs.append(RunResult(**facts, version="", status="ended", why=why))
-                return
-            (directory / "error.txt").write_text(traceback.format_exc())
-            evaluation.failed[variant.label, code] = why
-            self.comparison.runs.append(RunResult(**facts, version="", status="error", why=why))
-            self.reporter.say(f"  ERROR {codes.title(code)} on {variant.label}: {why}")
-            return
+            while waiting or ready or at_the_end:
+                if not waiting and not ready:
+                    ready.append(at_the_end.pop(0))
+                    self._alone(ready[0])
+                for done in wait(waiting, 0.0 if ready else None, FIRST_COMPLETED).done:
+                    case, job = waiting.pop(done)
+                    self._take(case, job, _outcome(done), shared=True)
+                    ready += [case] * (not case.to_run)
+                case = ready.pop(0) if ready else None
+                if case is not None and not self._more(case):
+                    self._title(case)
+                    self._judge(case)
+                elif case is not None and any(map(case.is_timed, case.to_run)):
+                    at_the_end.append(case)
+                elif case is not None:
+                    self._send(case, executor, waiting)
+                    ready += [case] * (not case.to_run)
         finally:
-            self.reporter.end()
-        wall = time.monotonic() - began
-        evaluation.runs[variant.label, code] = run
+            for future in waiting:
+                future.cancel()
+
+    def _send(self, case: _Open, executor: Executor, waiting: _Sent) -> None:
+        """Hand the runs that a case has to do to the executor; those that cannot be sent are done here."""
+        for job in list(case.to_run):
+            on_one_core = dataclasses.replace(job, options=_one_core(job.options))
+            if job.can_be_sent():
+                waiting[executor.submit(jobs.in_worker, on_one_core)] = case, job
+            else:
+                self._here(case, on_one_core, shared=True)
+
+    def _alone(self, case: _Open) -> None:
+        """Do all runs of a case in this process, one after another."""
+        while case.to_run or self._more(case):
+            self._here(case, case.to_run[0])
+
+    def _open(self, case: Case) -> _Open:
+        """A case with its set-up and the runs that it has to do, in the order of the report."""
+        opened = _Open(Evaluation(case, self.tier, self.selected), _blank(case, self.tier))
+        with opened.errors():
+            variants = case.variants(self.tier)
+            setup = setup_table.rows([v.scene for v in variants])
+            opened.result = dataclasses.replace(opened.result, setup=setup, status="done")
+            self._add(opened, variants)
+        return opened
+
+    def _more(self, case: _Open) -> bool:
+        """Whether a case whose runs are done has more to do: its follow-up, which is asked for once."""
+        if not case.followed and case.result.status != "error":
+            case.followed = True
+            case.evaluation.sort(self._order)
+            with case.errors():
+                self._add(case, case.evaluation.follow_up())
+        return bool(case.to_run)
+
+    def _add(self, case: _Open, variants: list[Variant]) -> None:
+        name = case.case.name
+        made = [
+            jobs.Job(
+                (name, variant.label, code), variant.scene, codes.CODES[code],
+                self.directory / name / variant.label / code, self.options, variant.options.get(code, {}),
+            )
+            for variant in variants
+            for code in variant.codes_of(self.selected)
+        ]  # fmt: skip
+        case.variants |= {variant.label: variant for variant in variants}
+        self._order |= {job.key: len(self._order) + k for k, job in enumerate(made)}
+        case.to_run += made
+
+    def _here(self, case: _Open, job: jobs.Job, shared: bool = False) -> None:
+        """Run a job in this process."""
+        self._take(case, job, jobs.perform(job, self._display), shared)
+
+    def _take(self, case: _Open, job: jobs.Job, outcome: jobs.Outcome, shared: bool) -> None:
+        """Note what came of a job; `shared`: others may have run beside it."""
+        case.to_run[:] = [other for other in case.to_run if other.key != job.key]
+        case.spent += outcome.wall_s
+        evaluation, (name, label, code), run = case.evaluation, job.key, outcome.run
+        facts: dict[str, Any] = {
+            "case": name,
+            "variant": label,
+            "code": code,
+            "directory": str(job.directory.relative_to(self.directory)),
+            "scene_hash": job.scene.hash,
+            "state_hash": outcome.state_hash,
+            "seed": outcome.seed,
+        }
+        if run is None:
+            status, noted = _without_run(evaluation, case.variants[label], code, outcome)
+            noted[label, code] = outcome.why
+            self.comparison.runs.append(RunResult(**facts, version="", status=status, why=outcome.why))
+            if status == "error":
+                job.directory.mkdir(parents=True, exist_ok=True)
+                (job.directory / "error.txt").write_text(outcome.traceback)
+                self.reporter.say(f"  ERROR {codes.title(code)} on {name} {label}: {outcome.why}")
+            return
+        timing: dict[str, Any] = dataclasses.asdict(run.timing) | {"rate": run.timing.rate}
+        self.comparison.timings.append(
+            TimingResult(case=name, variant=label, code=code, version=run.version, wall_s=outcome.wall_s,
+                         shared=shared, **timing)
+        )  # fmt: skip
         self.comparison.runs.append(
             RunResult(
                 **facts,
@@ -224,10 +346,32 @@ class Session:
                 recorded=bool(run.notes.get("recorded", False)),
             )
         )
-        timing: dict[str, Any] = dataclasses.asdict(run.timing) | {"rate": run.timing.rate, "wall_s": wall}
-        self.comparison.timings.append(
-            TimingResult(case=case, variant=variant.label, code=code, version=run.version, **timing)
-        )
+        if not case.variants[label].timed:
+            run = dataclasses.replace(run, timing=Untimed(**dataclasses.asdict(run.timing)))
+        evaluation.runs[label, code] = run
+
+    def _judge(self, case: _Open) -> list[CheckResult]:
+        """Checks, findings, figures and tables of a case whose runs are all in; the page is rewritten."""
+        began, evaluation, result = time.monotonic(), case.evaluation, case.result
+        evaluation.sort(self._order)
+        checks = self._checks(evaluation, result)
+        self.comparison.checks += checks
+        findings = [evaluation.finding(f) for f in case.case.findings_of(self.tier, self.selected)]
+        self.comparison.findings += findings
+        figures = [f for f in case.case.figures if self.tier in f.tiers]
+        tables = [t for t in case.case.tables if self.tier in t.tiers]
+        result.artefacts[:] = [evaluation.figure(f, self.directory, k) for k, f in enumerate(figures, 1)]
+        result.artefacts.extend(evaluation.table(t, self.directory, k) for k, t in enumerate(tables, 1))
+        result = dataclasses.replace(result, headline=evaluation.headline(checks))
+        case.spent += time.monotonic() - began
+        self._replace(dataclasses.replace(result, wall_s=case.spent))
+        self._say(result, checks, findings, case.spent)
+        self.write()
+        return checks
+
+    def _title(self, case: _Open) -> None:
+        number = list(self.cases).index(case.case.name) + 1
+        self.reporter.say(f"[{number}/{len(self.cases)}] {case.case.name}: {case.case.title}")
 
     def _checks(self, evaluation: Evaluation, result: CaseResult) -> list[CheckResult]:
         checks = evaluation.case.checks_of(self.tier, self.selected)
@@ -260,18 +404,59 @@ class Session:
                 self.reporter.say(f"  {check.status.upper()} {check.name}: {check.verdict}")
 
 
-def _left_out(
-    evaluation: Evaluation, variant: Variant, code: str, error: Exception
-) -> dict[tuple[str, str], str] | None:
-    """Where to note a run that is left out, its code missing or not to be given the scene; None: it failed.
+def default_workers(options: codes.Options) -> int:
+    """How many runs go side by side where nobody says: one for each core; on a GPU, one."""
+    if options.device != "cpu":
+        return 1
+    return max(1, cores() // max(options.threads or 1, options.ranks))
+
+
+class Untimed(Timing):
+    """The timing of a run that others may have run beside: its seconds are no measurement of speed.
+
+    Raises GpudemError where a check, figure or table asks for them.
+    """
+
+    def __getattribute__(self, name: str) -> Any:
+        """Everything but times."""
+        if name.endswith("_s") or name == "rate":
+            raise GpudemError(
+                f"timing.{name}: other runs may have shared the machine; a variant whose times are read says"
+                " timed=True"
+            )
+        return super().__getattribute__(name)
+
+
+def _one_core(options: codes.Options) -> codes.Options:
+    """For a run beside others."""
+    return dataclasses.replace(options, threads=options.threads or 1)
+
+
+def _outcome(done: Future[jobs.Outcome]) -> jobs.Outcome:
+    """What a worker has sent; if it is dead, that."""
+    try:
+        return done.result()
+    except BrokenExecutor as error:
+        why = f"a worker process ended before its run did (killed, or out of memory?): {error}"
+        return jobs.Outcome("failed", 0.0, why=f"{why}; --jobs 1 runs all in one process", traceback=why)
+    except Exception as error:  # what came back cannot be read here
+        return jobs.Outcome("failed", 0.0, why=describe(error), traceback=traceback.format_exc())
+
+
+def _without_run(
+    evaluation: Evaluation, variant: Variant, code: str, outcome: jobs.Outcome
+) -> tuple[Any, dict[tuple[str, str], str]]:
+    """Status of a job that gave no run, and where the evaluation notes it.
 
     A variant that names its codes has been written for them: what they cannot be given is a failure.
     """
-    if isinstance(error, CodeMissing):
-        return evaluation.absent
-    if isinstance(error, CannotState) and not variant.names(code) and not variant.may_end:
-        return evaluation.unstated
-    return None
+    if outcome.end == "missing":
+        return "left_out", evaluation.absent
+    if outcome.end == "cannot_state" and not variant.names(code) and not variant.may_end:
+        return "left_out", evaluation.unstated
+    if outcome.end in ("cannot_state", "gave_up") and variant.may_end:
+        return "ended", evaluation.ended
+    return "error", evaluation.failed
 
 
 def _blank(case: Case, tier: Tier) -> CaseResult:

@@ -51,18 +51,18 @@ class Pace:
 
 
 class Reporter:
-    """Says nothing: the quiet reporter, and the base of the others."""
+    """Says nothing: the quiet reporter, and the base of the others. Several runs may go on at once."""
 
-    def begin(self, what: str, particles: int, steps: int) -> None:
+    def begin(self, what: str, particles: int, steps: int) -> Pace:
         """A run starts: "case variant code", its particles and steps."""
-        self.pace = Pace(what, particles, steps)
+        return Pace(what, particles, steps)
 
-    def step(self, done: int) -> None:
-        """Steps done so far; handed to a code as its `progress`."""
-        self.pace.update(done)
+    def step(self, pace: Pace, done: int) -> None:
+        """Steps that a run has done so far."""
+        pace.update(done)
 
-    def end(self) -> None:
-        """The run is over, well or not."""
+    def end(self, pace: Pace) -> None:
+        """A run is over, well or not."""
 
     def say(self, line: str) -> None:
         """A line that stays."""
@@ -77,11 +77,11 @@ class Plain(Reporter):
     def __init__(self, stream: TextIO, every: float = PLAIN_EVERY):
         self.stream, self.every, self.last = stream, every, time.monotonic()
 
-    def step(self, done: int) -> None:
+    def step(self, pace: Pace, done: int) -> None:
         """Print if the last line is old enough."""
-        super().step(done)
+        super().step(pace, done)
         if time.monotonic() - self.last >= self.every:
-            self.say(f"  {self.pace}")
+            self.say(f"  {pace}")
 
     def say(self, line: str) -> None:
         """Print now."""
@@ -91,41 +91,41 @@ class Plain(Reporter):
 
 
 class Live(Reporter):
-    """One line that is redrawn, through rich."""
+    """One line for each run under way that is redrawn, through rich."""
 
     def __init__(self, stream: TextIO):
         from rich.console import Console
-        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
+        from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn
 
         self.bar = Progress(
             SpinnerColumn(), TextColumn("{task.description}"), BarColumn(bar_width=24),
             TextColumn("{task.percentage:3.0f} %"), TextColumn("{task.fields[speed]}"),
             console=Console(file=stream), transient=True, refresh_per_second=5,
         )  # fmt: skip
-        self.task = None
+        self.tasks: dict[int, TaskID] = {}
         self.bar.start()
 
-    def begin(self, what: str, particles: int, steps: int) -> None:
+    def begin(self, what: str, particles: int, steps: int) -> Pace:
         """Show a bar for this run."""
-        super().begin(what, particles, steps)
-        self.task = self.bar.add_task(what, total=steps, speed="")
+        pace = super().begin(what, particles, steps)
+        self.tasks[id(pace)] = self.bar.add_task(what, total=steps, speed="")
+        return pace
 
-    def step(self, done: int) -> None:
+    def step(self, pace: Pace, done: int) -> None:
         """Move the bar."""
-        super().step(done)
-        if self.task is not None:
-            rate, left = self.pace.rate, self.pace.left
+        super().step(pace, done)
+        if id(pace) in self.tasks:
+            rate, left = pace.rate, pace.left
             speed = f"{quantity(rate)} particle-steps/s  {duration(left or 0.0)} left" if rate else ""
-            self.bar.update(self.task, completed=done, speed=speed)
+            self.bar.update(self.tasks[id(pace)], completed=done, speed=speed)
 
-    def end(self) -> None:
+    def end(self, pace: Pace) -> None:
         """Take the bar away."""
-        if self.task is not None:
-            self.bar.remove_task(self.task)
-            self.task = None
+        if id(pace) in self.tasks:
+            self.bar.remove_task(self.tasks.pop(id(pace)))
 
     def say(self, line: str) -> None:
-        """Print above the bar."""
+        """Print above the bars."""
         self.bar.console.print(line, markup=False, highlight=False, soft_wrap=True)
 
     def close(self) -> None:

@@ -115,6 +115,8 @@ class TimingResult:
     peak_memory_bytes: int
     rate: float
     """Particle-steps per second of stepping."""
+    shared: bool = False
+    """Other runs ran beside it: its times are no measurement of speed."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -50,12 +50,12 @@ def exact(scene: Scene, times: np.ndarray) -> np.ndarray:
     return start
 
 
-def code(name: str, error: float = 0.0, fails: str = "", speed: float = 1e6) -> Code:
+def code(name: str, error: float = 0.0, fails: str = "", speed: float = 1e6, error_kind=GpudemError) -> Code:
     """A code that is off by error * dt, or fails with a message."""
 
     def run(scene, directory, options, progress, extra):
         if fails:
-            raise GpudemError(fails)
+            raise error_kind(fails)
         steps = np.arange(0, scene.n_steps + 1, scene.stride(scene.output.trace_every))
         times = steps * scene.time.step
         position = exact(scene, times) + error * scene.time.step * times[:, None, None]
@@ -215,7 +215,7 @@ def case(name: str = "throw", tolerance: float = 1e-6, order: int = 10) -> Case:
         title="Balls thrown upwards" if name == "throw" else name.replace("_", " ").capitalize(),
         purpose="Free flight under gravity: the integrator alone, and whether both codes count time alike.",
         source="Elementary mechanics: z = z0 + v t - g t²/2.",
-        variants=lambda tier: [Variant(label, scene(dt)) for label, dt in labels.items()],
+        variants=lambda tier: [Variant(label, scene(dt), timed=True) for label, dt in labels.items()],
         checks=checks(),
         figures=figures(),
         tables=(Table("Errors", "Over the whole flight.", table, needs=both),),

@@ -57,7 +57,7 @@ def test_exit_codes(here, monkeypatch, fake_codes, capsys):
     assert cli.main(["compare", "-q", "--codes", "gpudem"]) == 1
     fake_codes(gpudem={"fails": "the device is gone"})
     assert cli.main(["compare", "--out", "new"]) == 3
-    assert "ERROR gpudem on dt_4e-05: the device is gone" in capsys.readouterr().err
+    assert "ERROR gpudem on throw dt_4e-05: the device is gone" in capsys.readouterr().err
 
 
 def test_report_is_rebuilt(here, capsys):
@@ -235,11 +235,11 @@ def test_progress_of_a_resumed_run_counts_from_its_restart(tmp_path, capsys, mon
 
     class Watching(progress.Reporter):
         def begin(self, what, particles, steps):
-            self.pace = progress.Pace(what, particles, steps, clock=lambda: float(next(clock)))
+            return progress.Pace(what, particles, steps, clock=lambda: float(next(clock)))
 
-        def step(self, done):
-            super().step(done)
-            seen.append((done, self.pace.rate))
+        def step(self, pace, done):
+            super().step(pace, done)
+            seen.append((done, pace.rate))
 
     class Eager(driver.PhaseTimer):
         def __exit__(self, *error):

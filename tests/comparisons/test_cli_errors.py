@@ -95,9 +95,9 @@ def test_closed_log_does_not_end_a_run():
     os.close(read)
     stream = os.fdopen(write, "w")
     reporter = Plain(stream, every=0.0)
-    reporter.begin("drop", 1, 100)
+    pace = reporter.begin("drop", 1, 100)
     for step in range(3):
-        reporter.step(step)
+        reporter.step(pace, step)
     reporter.close()
     with pytest.raises(BrokenPipeError):
         stream.close()

@@ -12,6 +12,7 @@ from comparisons.harness.case import Case, Check, Variant
 from comparisons.harness.discover import cases_to_run, find_cases, known_cases, select
 from comparisons.harness.evaluate import holds
 from gpudem.errors import GpudemError
+from reference.errors import CodeTimeout
 from tests.comparisons import fake
 
 
@@ -58,8 +59,8 @@ def test_a_code_that_cannot_run_is_an_error_and_the_other_cases_go_on(tmp_path, 
     assert (tmp_path / "first" / "dt_1e-05" / "liggghts" / "error.txt").read_text()
 
 
-def test_a_variant_may_end_early(tmp_path, fake_codes, monkeypatch):
-    """What the code said is a result; a code that is not there is an error all the same."""
+def test_a_variant_may_end_early(tmp_path, fake_codes):
+    """What the code said is a result; one that does not come to an end is an error all the same."""
     fake_codes(liggghts={"fails": "it blew up"})
     case = fake.case()
     said = Check(
@@ -75,7 +76,7 @@ def test_a_variant_may_end_early(tmp_path, fake_codes, monkeypatch):
     comparison = run(tmp_path / "one", case)
     assert comparison.exit_code() == 0
     assert {(r.code, r.status) for r in comparison.runs} == {("gpudem", "ok"), ("liggghts", "ended")}
-    monkeypatch.setattr(execute, "NO_ANSWER", (GpudemError,))
+    fake_codes(liggghts={"fails": "it takes too long", "error_kind": CodeTimeout})
     assert run(tmp_path / "two", case).exit_code() == 3
 
 
@@ -340,9 +341,9 @@ def test_pace_counts_from_the_first_step():
 def test_plain_progress_is_one_line_now_and_then():
     stream = io.StringIO()
     reporter = progress.Plain(stream, every=0.0)
-    reporter.begin("case variant code", 10, 100)
-    reporter.step(0)
-    reporter.step(50)
+    pace = reporter.begin("case variant code", 10, 100)
+    reporter.step(pace, 0)
+    reporter.step(pace, 50)
     lines = stream.getvalue().splitlines()
     assert len(lines) == 2
     assert "case variant code   50 %" in lines[1]

@@ -35,7 +35,7 @@ ALPHA = 0.01
 def variants(tier: Tier) -> list[Variant]:
     """One gate; both codes on two cores."""
     scene = dam.Dam(radius=RADIUS[tier], slice=False).scene()
-    return [Variant(LABEL, scene, options={"liggghts": {"ranks": 2}})]
+    return [Variant(LABEL, scene, options={"liggghts": {"ranks": 2}}, timed=True)]
 
 
 def strips(results: Results, code: str) -> np.ndarray:

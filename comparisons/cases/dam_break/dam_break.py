@@ -22,7 +22,6 @@ SEEDS = {"quick": 5, "standard": 8, "full": 8}
 SWEEP = (0.1, 0.2, 0.4, 0.5)
 BENCH: tuple[Tier, ...] = ("standard", "full")
 GATE_LABELS = {gate: f"gate_{1e3 * gate:.0f}" for gate in dam.GATES}
-TWO_RANKS = {"liggghts": {"ranks": 2}}
 
 
 def variants(tier: Tier) -> list[Variant]:
@@ -34,7 +33,7 @@ def variants(tier: Tier) -> list[Variant]:
     ]
     if tier == "quick":
         return out
-    out += [Variant(label, Dam(gate=gate).scene(), options=TWO_RANKS) for gate, label in GATE_LABELS.items()]
+    out += [Variant(label, Dam(gate=gate).scene()) for gate, label in GATE_LABELS.items()]
     out += [Variant(f"mu_{mu:g}", Dam(radius=radius, friction=mu, flows=0.7).scene()) for mu in SWEEP]
     if tier == "full":  # 120 000 balls, whole box, true modulus, 1.5 million steps each: a GPU's work
         out += [

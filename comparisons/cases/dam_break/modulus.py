@@ -71,7 +71,8 @@ def variants(tier: Tier) -> list[Variant]:
                 allow=("large_overlap",) if young < GUARDED else (),
             )
             for suffix, code, arguments in WHO.values() if young == plan.hardest else [WHO["gpudem float64"]]:
-                made.append(Variant(f"dam_{young:.3g}_{seed}-{suffix}", scene, (code,), {code: arguments}))
+                label = f"dam_{young:.3g}_{seed}-{suffix}"
+                made.append(Variant(label, scene, (code,), {code: arguments}, timed=True))
     return made
 
 

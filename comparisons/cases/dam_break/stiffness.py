@@ -97,7 +97,8 @@ def variants(tier: Tier) -> list[Variant]:
     for young in MODULI[tier]:
         for name, scene in (("impact", impact(young, SIDE[tier])), ("rest", rest(young))):
             for suffix, code, arguments, *_ in WHO.values():
-                made.append(Variant(f"{name}_{young:.3g}-{suffix}", scene, (code,), {code: arguments}))
+                label, timed = f"{name}_{young:.3g}-{suffix}", name == "impact"
+                made.append(Variant(label, scene, (code,), {code: arguments}, timed=timed))
     return made + stiff_dam.variants(tier)
 
 

@@ -34,6 +34,10 @@ CREEP: dict[Tier, float] = {"quick": 0.3, "standard": 1e-2, "full": 1e-6}
 DRIFT: dict[Tier, float] = {"quick": 2e-3, "standard": 5e-3, "full": 3e-2}
 
 
+#: What a step of these costs stands in the table.
+TIMED = ("bed_smooth", "column", "gas")
+
+
 def variants(tier: Tier) -> list[Variant]:
     size = endurance.SIZES[tier]
     scenes = {f"bed_{name}": endurance.bed(mu, size.bed) for name, mu in endurance.BEDS.items()}
@@ -42,7 +46,7 @@ def variants(tier: Tier) -> list[Variant]:
     scenes |= {"column": endurance.column(size.count), "gas": endurance.gas_of(size.collisions)}
     scenes["fine_gas"] = endurance.fine_gas()
     return [
-        Variant(f"{name}-{suffix}", scene, (code,), {code: arguments})
+        Variant(f"{name}-{suffix}", scene, (code,), {code: arguments}, timed=name in TIMED)
         for name, scene in scenes.items()
         for suffix, code, arguments, _ in WHO.values()
     ]

@@ -119,7 +119,10 @@ def variants(tier: Tier) -> list[Variant]:
     def add(label: str, scene: Scene, who: tuple[str, ...], may_end: bool = False) -> None:
         for name in who:
             suffix, code, arguments = WHO[name]
-            made.append(Variant(f"{label}-{suffix}", scene, (code,), {code: arguments}, may_end=may_end))
+            timed = label == "impact_hertz"  # the rate that the table shows
+            made.append(
+                Variant(f"{label}-{suffix}", scene, (code,), {code: arguments}, may_end=may_end, timed=timed)
+            )
 
     for normal in LAWS[tier]:
         for kind, (scene, _) in ladders(tier, normal).items():

@@ -40,9 +40,9 @@ def variants(tier: Tier) -> list[Variant]:
     kinds, ladder, pairs, repeats = PLAN[tier]
     made = {(kind, steps): work.scene(kind, steps, pairs) for kind in kinds for steps in ladder}
     return [
-        Variant(_label(option, kind, steps, repeat), made[kind, steps], (code,), {code: arguments})
+        Variant(_label(option, kind, steps, repeat), made[kind, steps], (code,), {code: arg}, timed=True)
         for kind in kinds for repeat in range(repeats) for steps in ladder
-        for option, (code, arguments, finest) in OPTIONS.items() if steps <= finest
+        for option, (code, arg, finest) in OPTIONS.items() if steps <= finest
     ]  # fmt: skip
 
 

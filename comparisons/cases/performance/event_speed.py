@@ -221,4 +221,5 @@ CASE = Case(
     ),
     features=("event-driven", "speed"),
     order=91,
+    timed=True,
 )  # fmt: skip

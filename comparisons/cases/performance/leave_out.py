@@ -20,8 +20,8 @@ def variants(tier: Tier) -> list[Variant]:
     plain = bench_scene("settled", COUNT, steps, pairs=FRICTIONLESS)
     plain = plain.replace(particles={"angular_velocity": None})
     return [
-        Variant(PLAIN, plain, ("gpudem",), one),
-        Variant(FULL, bench_scene("settled", COUNT, steps), ("gpudem",), one),
+        Variant(PLAIN, plain, ("gpudem",), one, timed=True),
+        Variant(FULL, bench_scene("settled", COUNT, steps), ("gpudem",), one, timed=True),
         *specialised.variants(tier),
     ]
 

@@ -87,7 +87,7 @@ def variants(tier: Tier) -> list[Variant]:
         for repeat in range(REPEATS):
             for k, _ in enumerate(HOW):
                 options = {"gpudem": {"threads": 1, "specialize": not k}}
-                made.append(Variant(f"five_{number}_{k}_{repeat}", scene, ("gpudem",), options))
+                made.append(Variant(f"five_{number}_{k}_{repeat}", scene, ("gpudem",), options, timed=True))
     return made
 
 

@@ -23,7 +23,7 @@ def variants(tier: Tier) -> list[Variant]:
     return [
         Variant(
             f"{bed}_{n}_{repeat}", bench_scene(bed, COUNT, steps),
-            options={"gpudem": {"threads": n}, "liggghts": {"ranks": n, "use_recorded": False}},
+            options={"gpudem": {"threads": n}, "liggghts": {"ranks": n, "use_recorded": False}}, timed=True,
         )
         for bed in BEDS for n in cores for repeat in range(repeats)
     ]  # fmt: skip

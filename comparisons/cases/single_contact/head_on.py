@@ -56,7 +56,7 @@ def scene(dt: float) -> Scene:
 
 
 def variants(tier: Tier) -> list[Variant]:
-    return [Variant(label, scene(dt)) for label, dt in ladder(tier, FLIGHT).items()]
+    return [Variant(label, scene(dt), timed=True) for label, dt in ladder(tier, FLIGHT).items()]
 
 
 CASE = Case(

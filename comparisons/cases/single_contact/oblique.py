@@ -111,7 +111,11 @@ OPTIONS = {
 
 def variants(tier: Tier) -> list[Variant]:
     steps = ladder(tier, FLIGHT).items()
-    return [Variant(f"{name}_{label}", scene(c, dt)) for name, c in OPTIONS.items() for label, dt in steps]
+    return [
+        Variant(f"{name}_{label}", scene(c, dt), timed=name == "default")
+        for name, c in OPTIONS.items()
+        for label, dt in steps
+    ]
 
 
 WALL_MEETINGS = MEETINGS[:N_WALL]

@@ -52,7 +52,11 @@ def scene(limit_force: bool, dt: float) -> Scene:
 def variants(tier: Tier) -> list[Variant]:
     steps = ladder(tier, FLIGHT).items()
     options = {"default": False, "limited": True}
-    return [Variant(f"{name}_{label}", scene(on, dt)) for name, on in options.items() for label, dt in steps]
+    return [
+        Variant(f"{name}_{label}", scene(on, dt), timed=name == "default")
+        for name, on in options.items()
+        for label, dt in steps
+    ]
 
 
 CASE = Case(

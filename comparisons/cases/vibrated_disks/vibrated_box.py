@@ -106,10 +106,11 @@ def soft_scene(contact_time: float, duration: float) -> Scene:
 def variants(tier: Tier) -> list[Variant]:
     duration, seeds, _ = SIZES[tier]
     soft = [
-        Variant(soft_disks.label(t), soft_scene(t, length), ("gpudem",)) for t, length in SOFT[tier].items()
+        Variant(soft_disks.label(t), soft_scene(t, length), ("gpudem",), timed=True)
+        for t, length in SOFT[tier].items()
     ]
     starts = [Variant(f"seed_{s}", scene(s, START), (CODE,)) for s in range(1, seeds + 1)]
-    return [Variant(STEADY, scene(1, duration), (CODE,)), *starts, *soft]
+    return [Variant(STEADY, scene(1, duration), (CODE,), timed=True), *starts, *soft]
 
 
 def settled(run: Run) -> dict[str, np.ndarray]:
