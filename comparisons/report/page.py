@@ -22,23 +22,23 @@ REPORT = "report.html"
 COLLECTED = {
     "lead": (
         "What accuracy costs",
-        "For a given error of the motion through a contact: which code and option needs how much time. Times"
-        " are stepping alone, one core, the codes in turn on one machine.",
+        "The run time that each code and option needs for a given error of the motion through a contact: stepping"
+        " only, one core, the codes in turn on one machine.",
     ),
     "advice": (
-        "How stiff, how far, how long",
-        "Which step, modulus and precision to use, with the numbers found here.",
+        "Which step, modulus and precision to use",
+        "Recommendations, with the numbers measured here.",
     ),
     "work_precision": (
         "Error against run time",
-        "What each digit of accuracy costs: each point is one run, lower left is better. Time is the stepping"
-        " alone; compiling, set-up and output stand apart in the timing tables.",
+        "What each digit of accuracy costs: each point is one run, lower left is better. The time is that of"
+        " stepping; compiling, set-up and output are listed in the timing tables.",
     ),
     "speed": (
         "Speed and memory",
         "Both codes in one run on one machine: the same scene, the same number of cores, warm-up first.",
     ),
-    "limits": ("Where each code breaks", "The edge of what each code can do, and what goes wrong beyond it."),
+    "limits": ("Where each code breaks", "The limits of each code, and what goes wrong beyond them."),
     "leaves_out": (
         "What a scene leaves out",
         "Physics that a scene does not have costs nothing: no array, no kernel branch, no deck line.",
@@ -54,7 +54,7 @@ def write(comparison: Comparison, directory: Path) -> Path:
 
 
 def html(comparison: Comparison, directory: Path) -> str:
-    """The page. Figures, tables and decks are read from the folder; what is gone is said to be."""
+    """The page. Figures, tables and decks are read from the folder; what is missing is said to be."""
     view = report_view.View(comparison, directory)
     return _environment().get_template("report.html.j2").render(
         c=comparison, view=view, collected=COLLECTED, artefact=functools.partial(_artefact, directory),
@@ -68,7 +68,7 @@ def _artefact(directory: Path, item: Artefact) -> dict[str, Any]:
     if item.status != "ok":
         return {"missing": item.why}
     if not path.is_file():
-        return {"missing": f"{item.file} is gone"}
+        return {"missing": f"{item.file} is missing"}
     if item.kind == "figure":
         return {"svg": Markup(path.read_text())}  # made by comparisons.svg from our own figures: trusted
     return {"table": report_view.read_table(path)}
