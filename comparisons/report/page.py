@@ -22,8 +22,8 @@ REPORT = "report.html"
 COLLECTED = {
     "lead": (
         "What accuracy costs",
-        "The run time that each code and option needs for a given error of the motion through a contact: stepping"
-        " only, one core, the codes in turn on one machine.",
+        "The run time that each code and option needs for a given error of the motion through a contact:"
+        " stepping only, one core, the codes in turn on one machine.",
     ),
     "advice": (
         "Which step, modulus and precision to use",
