@@ -1,31 +1,73 @@
 """Checks that stand in many cases: one for each code, one for each pair of codes, agreement step by step,
-observed order in the time step.
+observed order in the time step; and the table of what they found.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from comparisons.harness import codes
-from comparisons.harness.case import Check, Measured, PerCode, PerPair, Results, largest
+from comparisons.harness.case import Check, Measured, PerCode, PerPair, Results, Table, largest
 from comparisons.metrics import trace
 from gpudem.output.run import Run
 
+if TYPE_CHECKING:
+    import pandas
 
-def per_code(name: str, measure: Callable[[Results, str], Measured | float], **fields: Any) -> PerCode:
+
+#: What a measure finds: one error, or several, of which the largest counts: {"e = 0.3": error, ...}.
+Found = float | Measured | Mapping[str, Measured]
+
+
+def per_code(name: str, measure: Callable[[Results, str], Found], **fields: Any) -> PerCode[Check]:
     """One check for each code at hand; measure(results, code). `fields` go to `Check`; unit "1", mark A."""
     fields = {"unit": "1", "mark": "A"} | fields
+
+    def of(results: Results, code: str) -> Measured | float:
+        found = measure(results, code)
+        return largest(found) if isinstance(found, Mapping) else found
+
     return PerCode(
         lambda code: Check(
-            name=f"{name} ({code})", measure=lambda results: measure(results, code), needs=(code,), **fields
+            name=f"{name} ({code})", measure=lambda results: of(results, code), needs=(code,), **fields
         )
     )
 
 
-def per_pair(name: str, measure: Callable[[Results, str, str], Measured | float], **fields: Any) -> PerPair:
+def table(
+    title: str,
+    caption: str,
+    quantities: Mapping[str, Callable[[Results, str], Mapping[str, Measured]]],
+    *,
+    rows: str = "impact",
+    reference: str = "closed form",
+    **fields: Any,
+) -> Table:
+    """What each code gives, beside what is expected; quantities: {"spin [rad/s]": measure(results, code)},
+    all with the same rows. `rows` is the title of the first column; `fields` go to `Table`.
+    """
+
+    def make(results: Results) -> pandas.DataFrame:
+        import pandas
+
+        lines: dict[str, dict[str, Any]] = {}
+        for quantity, measure in quantities.items():
+            for code in results.codes():
+                for name, found in measure(results, code).items():
+                    cells = lines.setdefault(name, {rows: name})
+                    cells[f"{reference}: {quantity}"] = found.expected
+                    cells[f"{codes.title(code)}: {quantity}"] = found.measured
+        return pandas.DataFrame(list(lines.values()))
+
+    return Table(title, caption, make, **fields)
+
+
+def per_pair(
+    name: str, measure: Callable[[Results, str, str], Measured | float], **fields: Any
+) -> PerPair[Check]:
     """One check for each code under test and its reference; measure(results, code, reference). `fields` go to
     `Check`; unit "1", mark X.
     """
@@ -51,7 +93,7 @@ def step_by_step(
     note: str = "",
     read: Callable[[Run], np.ndarray] | None = None,
     **fields: Any,
-) -> PerPair:
+) -> PerPair[Check]:
     """Largest difference of a column of the trace between two codes, over all variants that both ran and
     whose label starts with `prefix`, by `scale(run of the reference)`. `read(run)` in place of the column.
 
@@ -80,7 +122,7 @@ def observed_order(
     *,
     prefix: str = "",
     **fields: Any,
-) -> PerCode:
+) -> PerCode[Check]:
     """Observed order in the time step of error(results, label, code), over the variants whose label starts
     with `prefix`. `fields` go to `Check`.
     """

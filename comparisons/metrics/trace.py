@@ -86,3 +86,12 @@ def observed_order(step: Sequence[float] | np.ndarray, error: Sequence[float] | 
     if len(step) < 3:
         raise ValueError(f"an order needs three steps or more; got {len(step)}")
     return float(np.polyfit(np.log(step), np.log(error), 1)[0])
+
+
+def slip_end(time: np.ndarray, slip: np.ndarray) -> float:
+    """Time [s] at which a slip [m/s] under constant friction would reach zero: a straight line through the
+    middle half of its decrease. Near its end the tangential spring makes the slip oscillate.
+    """
+    middle = (slip < 0.75 * slip[0]) & (slip > 0.25 * slip[0]) & (time < time[np.argmin(slip)])
+    slope, offset = np.polyfit(time[middle], slip[middle], 1)
+    return float(-offset / slope)

@@ -132,11 +132,11 @@ def marks(code: str, **changes: Any) -> dict[str, Any]:
     return {"marker": shape, "linestyle": "none", "markersize": 5, "markerfacecolor": "none", **changes}
 
 
-def line_or_marks(code: str, length: int, **changes: Any) -> dict[str, Any]:
+def line_or_marks(code: str, length: int, dash: Any = "-", **changes: Any) -> dict[str, Any]:
     """The same for a curve of `length` points: gpudem as a line, the others as some 25 points on it."""
     if code == "gpudem":
-        return {"linestyle": "-", **changes}
-    return marks(code, markersize=4, markevery=max(1, length // 25), **changes)
+        return {"linestyle": dash, **changes}
+    return marks(code, **{"markersize": 4, "markevery": max(1, length // 25), **changes})
 
 
 def legend(axes: Axes, *, points: Sequence[str] = (), lines: Sequence[str] = (), **options: Any) -> None:

@@ -119,3 +119,30 @@ def test_relative_errors():
     worst = largest({"a": relative(2.0, 1.0), "b": relative(math.nan, 1.0)})
     assert math.isnan(worst.value)
     assert worst.note == "largest in b"
+
+
+def test_several_errors_count_by_the_largest():
+    """A check that sees the first of several errors only."""
+
+    def errors(results: Results, code: str) -> dict[str, Measured]:
+        return {"small": relative(1.1, 1.0), code: relative(1.5, 1.0)}
+
+    [check] = checks(build.per_code("x", errors, tolerance=1, against="", reason="", catches=""), ("gpudem",))
+    found = measured(check, Results("quick", {}))
+    assert (found.value, found.note) == (0.5, "largest in gpudem")
+
+
+def test_table_of_what_was_found(results):
+    """A number under the name of another code, or without what was expected."""
+
+    def speeds(results: Results, code: str) -> dict[str, Measured]:
+        return {"slow": relative(len(code), 10.0), "fast": relative(2 * len(code), 20.0)}
+
+    frame = build.table("title", "caption", {"speed [m/s]": speeds}).make(results)
+    assert list(frame.columns) == [
+        "impact",
+        "closed form: speed [m/s]",
+        "gpudem: speed [m/s]",
+        "LIGGGHTS: speed [m/s]",
+    ]
+    assert frame.to_numpy().tolist() == [["slow", 10.0, 6, 8], ["fast", 20.0, 12, 16]]

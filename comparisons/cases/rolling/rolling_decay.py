@@ -1,4 +1,4 @@
-"""Rolling friction: roll-out on a floor at 5/7 mu_r g; a slope, on which `epsd2` holds and `cdt` creeps."""
+"""Rolling friction: deceleration 5/7 mu_r g on a floor; a slope, on which `epsd2` holds and `cdt` creeps."""
 
 from __future__ import annotations
 
@@ -7,64 +7,38 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from comparisons.cases.single_contact.checks import CODES
-from comparisons.harness.case import Case, Check, Figure, Measured, Results, Table, Variant
-from comparisons.metrics.trace import largest_difference
-from comparisons.oracles.bodies import bodies
-from comparisons.oracles.rolling import Arm, resisted
+from comparisons.cases.rolling.scenes import GRAVITY, arm, on_plane, rate, step_by_step
+from comparisons.harness import check_builders as build
+from comparisons.harness.case import Case, Figure, Measured, Results, Variant, relative
+from comparisons.oracles.rolling import resisted
 from comparisons.report import plots
 from gpudem.output.run import Run
-from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
+from gpudem.scene import Contact, Domain, Output, Scene, Time
 
 if TYPE_CHECKING:
-    import pandas
     from matplotlib.figure import Figure as MatplotlibFigure
 
-GRAVITY, RADIUS, FRICTION = 9.81, 0.003, 0.6
-LAWS = ("cdt", "epsd2")
+FRICTION = 0.6
+#: Law -> line in figures.
+LAWS = {"cdt": "-", "epsd2": "--"}
 #: Flat: starting speed [m/s], rolling friction.
 ROLLS = ((0.10, 0.10), (0.06, 0.05), (0.15, 0.20))
 #: Slope [deg], and rolling friction as a multiple of its tangent: below 1 a sphere rolls down from rest.
 SLOPE, SHARES = 10.0, (0.3, 0.6, 0.9, 1.1, 2.0)
-BALL = Material(young=1e8, poisson=0.34, density=1768.0)
-FLOOR = Material(young=1e8, poisson=0.37, density=1185.0)
 STEP, TRACE, FLAT_TIME, SLOPE_TIME = 4e-6, 4e-4, 0.2, 0.1
 
 
 def scene(law: str, slope: float) -> Scene:
-    """All spheres of one law on one slope [deg] at their static overlap; on the flat they roll already."""
+    """All spheres of one law on one slope [deg]: rolling on the flat, at rest on a slope."""
     tangent = math.tan(math.radians(slope))
     rows = [(0.0, share * tangent) for share in SHARES] if slope else list(ROLLS)
-    angle, names = math.radians(slope), [f"ball_{k}" for k in range(len(rows))]
-    pairs = [
-        Pair(materials=(n, "floor"), restitution=0.5, friction=FRICTION, rolling_friction=mu)
-        for n, (_, mu) in zip(names, rows, strict=True)
-    ]
-    pairs += [Pair(materials=(a, b), restitution=0.5) for k, a in enumerate(names) for b in names[k:]]
-
-    def built(overlap: float) -> Scene:
-        lever = RADIUS - overlap / 2
-        return Scene(
-            name=f"{law}_{slope:g}", materials=dict.fromkeys(names, BALL) | {"floor": FLOOR}, pairs=pairs,
-            contact=Contact(rolling=law),  # pyright: ignore[reportArgumentType]
-            particles=Explicit(
-                position=[(0.0, 0.01 * k, RADIUS - overlap) for k in range(len(rows))],
-                velocity=[(u, 0.0, 0.0) for u, _ in rows],
-                angular_velocity=[(0.0, u / lever, 0.0) for u, _ in rows], radius=RADIUS, material=names,
-            ),
-            gravity=(GRAVITY * math.sin(angle), 0.0, -GRAVITY * math.cos(angle)),
-            walls=[Plane(name="floor", material="floor", point=(0, 0, 0), normal=(0, 0, 1))],
-            domain=Domain(lo=(-0.01, -0.01, -0.001), hi=(0.1, 0.01 * len(rows), 0.01)),
-            time=Time(step=STEP, duration=SLOPE_TIME if slope else FLAT_TIME),
-            output=Output(trace_every=TRACE),
-        )  # fmt: skip
-
-    return built(arm(built(0.0), slope).overlap)
-
-
-def arm(stated: Scene, slope: float) -> Arm:
-    """Static overlap and lever arm on a slope [deg], the same for all spheres."""
-    return Arm.of(bodies(stated, 0, "floor"), GRAVITY * math.cos(math.radians(slope)))
+    return on_plane(
+        [{"friction": FRICTION, "rolling_friction": mu} for _, mu in rows], slope=slope,
+        velocity=[(u, 0.0, 0.0) for u, _ in rows], rolling=True, name=f"{law}_{slope:g}",
+        contact=Contact(rolling=law),  # pyright: ignore[reportArgumentType]
+        domain=Domain(lo=(-0.01, -0.01, -0.001), hi=(0.1, 0.01 * len(rows), 0.01)),
+        time=Time(step=STEP, duration=SLOPE_TIME if slope else FLAT_TIME), output=Output(trace_every=TRACE),
+    )  # fmt: skip
 
 
 def label(law: str, slope: float) -> str:
@@ -78,111 +52,72 @@ def speed(run: Run, k: int) -> np.ndarray:
     return run.trace["velocity"][:, k, 0]
 
 
-def braking(run: Run, k: int) -> float:
-    """du/dt [m/s2] of a rolling sphere from 10 to 90 % of its way to rest."""
-    u0 = ROLLS[k][0]
+def rolled(run: Run, k: int) -> dict[str, float]:
+    """Of a sphere on the flat: deceleration [m/s2] from 90 to 10 % of its speed, distance [m] at the end."""
+    u0, x = ROLLS[k][0], run.trace["position"][:, k, 0]
     moving = (speed(run, k) < 0.9 * u0) & (speed(run, k) > 0.1 * u0)
-    return float(np.polyfit(run.trace["time"][moving], speed(run, k)[moving], 1)[0])
+    slope = np.polyfit(run.trace["time"][moving], speed(run, k)[moving], 1)[0]
+    return {"deceleration": -float(slope), "stopping distance": float(x[-1] - x[0])}
 
 
-def distance(run: Run, k: int) -> float:
-    """Way [m] rolled at the end of the run, at rest."""
-    return float(run.trace["position"][-1, k, 0] - run.trace["position"][0, k, 0])
+def expected(run: Run, k: int) -> dict[str, float]:
+    """The same by closed forms: 5/7 mu_r g and u0^2/(2 a)."""
+    u0, mu = ROLLS[k]
+    braking = -resisted(arm(run.scene, 0), 0.0, mu, GRAVITY)
+    return {"deceleration": braking, "stopping distance": u0**2 / (2 * braking)}
 
 
-def flat(results: Results, law: str, code: str, quantity: str) -> Measured:
-    """Largest relative error of the deceleration or the stopping distance u0^2/(2 a)."""
-    run, rows = results[label(law, 0), code], []
-    for k, (u0, mu) in enumerate(ROLLS):
-        rate = resisted(arm(run.scene, 0), 0.0, mu, GRAVITY)
-        got, want = (braking(run, k), rate) if quantity == "deceleration" else (
-            distance(run, k), u0**2 / (-2 * rate)
-        )  # fmt: skip
-        rows.append((abs(got / want - 1), got, want, f"u0 = {u0:g} m/s, mu_r = {mu:g}"))
-    value, got, want, where = max(rows)
-    return Measured(value, got, want, f"largest at {where}")
+def flat(results: Results, code: str, law: str, quantity: str) -> dict[str, Measured]:
+    """Relative error of the deceleration or the stopping distance."""
+    run = results[label(law, 0), code]
+    return {
+        f"u0 = {u0:g} m/s, mu_r = {mu:g}": relative(rolled(run, k)[quantity], expected(run, k)[quantity])
+        for k, (u0, mu) in enumerate(ROLLS)
+    }
 
 
-def sloping(results: Results, law: str, code: str) -> Measured:
-    """Largest error of the acceleration of those that roll, by 5/7 g sin(slope)."""
-    run, rows, angle = results[label(law, SLOPE), code], [], math.radians(SLOPE)
-    time = run.trace["time"]
-    for k, share in enumerate(SHARES):
-        if share < 1:
-            late = time > SLOPE_TIME / 2
-            got = float(np.polyfit(time[late], speed(run, k)[late], 1)[0])
-            want = resisted(arm(run.scene, SLOPE), angle, share * math.tan(angle), GRAVITY)
-            scale = 5 / 7 * GRAVITY * math.sin(angle)
-            rows.append((abs(got - want) / scale, got, want, f"mu_r = {share:g} tan(slope)"))
-    value, got, want, where = max(rows)
-    return Measured(value, got, want, f"largest at {where}")
+def sloping(results: Results, code: str, law: str) -> dict[str, Measured]:
+    """Error of the acceleration of those that roll, by 5/7 g sin(slope)."""
+    run, angle, found = results[label(law, SLOPE), code], math.radians(SLOPE), {}
+    for k, share in enumerate(share for share in SHARES if share < 1):
+        got = rate(run, speed(run, k), SLOPE_TIME / 2)
+        want = resisted(arm(run.scene, SLOPE), angle, share * math.tan(angle), GRAVITY)
+        off = abs(got - want) / (5 / 7 * GRAVITY * math.sin(angle))
+        found[f"mu_r = {share:g} tan(slope)"] = Measured(off, got, want)
+    return found
 
 
 def creep(results: Results, law: str, code: str) -> float:
-    """Way [m] in the second half of the run of the sphere that moves most of those to be held."""
-    run = results[label(law, SLOPE), code]
-    half = len(run.trace["time"]) // 2
-    x = run.trace["position"][:, :, 0]
-    return float(max(abs(x[-1, k] - x[half, k]) for k, share in enumerate(SHARES) if share > 1))
+    """Distance in the second half of the run of the fastest sphere that should be held, by that of one that
+    rolls freely.
+    """
+    x = results[label(law, SLOPE), code].trace["position"][:, [s > 1 for s in SHARES], 0]
+    free = 5 / 7 * GRAVITY * math.sin(math.radians(SLOPE)) / 2 * (SLOPE_TIME**2 - (SLOPE_TIME / 2) ** 2)
+    return float(np.abs(x[-1] - x[len(x) // 2]).max()) / free
 
 
 def held(results: Results, code: str) -> Measured:
-    """Way down the slope of a sphere that mu_r should hold, by the way of a free one in that time."""
-    free = 5 / 7 * GRAVITY * math.sin(math.radians(SLOPE)) / 2 * (SLOPE_TIME**2 - (SLOPE_TIME / 2) ** 2)
-    return Measured(
-        creep(results, "epsd2", code) / free, note=f"cdt: {creep(results, 'cdt', code) / free:.2g}"
-    )
-
-
-def between(results: Results, column: str) -> Measured:
-    """Largest difference between the codes over all traces, by the largest starting speed (or it / R)."""
-    found, scale = {}, ROLLS[2][0] / (1.0 if column == "velocity" else RADIUS)
-    for name in (label(*v) for v in VARIANTS):
-        a, b = (results[name, code].trace[column] for code in CODES)
-        found[name] = largest_difference(a, b, scale)
-    worst = max(found, key=lambda name: np.nan_to_num(found[name], nan=np.inf))
-    return Measured(found[worst], note=f"{len(found)} scenes; largest in {worst}")
+    return Measured(creep(results, "epsd2", code), note=f"cdt: {creep(results, 'cdt', code):.2g}")
 
 
 def _figure(results: Results) -> MatplotlibFigure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
-    for k, (u0, mu) in enumerate(ROLLS):
-        for law, line in zip(LAWS, ("-", "--"), strict=True):
-            for code in results.codes(label(law, 0)):
-                run = results[label(law, 0), code]
-                if code == CODES[0]:
-                    text = f"{law}, mu_r = {mu:g}"
-                    left.plot(run.trace["time"], speed(run, k), line, color=plots.SERIES[k], label=text)
-                else:
-                    left.plot(run.trace["time"][::25], speed(run, k)[::25], "o" if law == "cdt" else "s",
-                              color=plots.SERIES[k], ms=5, mfc="none")  # fmt: skip
-        rate = resisted(arm(results[label("cdt", 0), results.codes()[0]].scene, 0), 0.0, mu, GRAVITY)
-        left.plot([0, -u0 / rate], [u0, 0], color="k", lw=0.6)
+    for law, slope in VARIANTS:
+        for code in results.codes(label(law, slope)):
+            run, axes = results[label(law, slope), code], right if slope else left
+            time, size = run.trace["time"], {} if code == "gpudem" else {"markersize": 3 + 3 * (law == "cdt")}
+            for k in range(len(SHARES if slope else ROLLS)):
+                text = f"mu_r = {SHARES[k]:g} tan(slope)" if slope else f"mu_r = {ROLLS[k][1]:g}"
+                look = plots.line_or_marks(code, len(time), LAWS[law], color=plots.SERIES[k], **size)
+                axes.plot(time, speed(run, k), **look, label=text if look["linestyle"] == "-" else None)
+                if not slope:
+                    u0, braking = ROLLS[k][0], expected(run, k)["deceleration"]
+                    axes.plot([0, u0 / braking], [u0, 0], color="k", lw=0.6)
     left.set(xlabel="time [s]", ylabel="velocity [m/s]", title="on the flat")
-    plots.legend(left)
-    for law, line in zip(LAWS, ("-", "--"), strict=True):
-        run = results[label(law, SLOPE), CODES[0]]
-        for k, share in enumerate(SHARES):
-            right.plot(run.trace["time"], speed(run, k), line, color=plots.SERIES[k],
-                       label=f"mu_r = {share:g} tan(slope)" if law == "cdt" else None)  # fmt: skip
     right.set(xlabel="time [s]", title=f"from rest on {SLOPE:g} degrees")
+    plots.legend(left, lines=results.codes())
     plots.legend(right)
     return figure
-
-
-def _table(results: Results) -> pandas.DataFrame:
-    import pandas
-
-    rows = []
-    for k, (u0, mu) in enumerate(ROLLS):
-        rate = resisted(arm(results[label("cdt", 0), results.codes()[0]].scene, 0), 0.0, mu, GRAVITY)
-        rows.append((u0, mu, "closed form", "", -rate, u0**2 / (-2 * rate)))
-        for law in LAWS:
-            for code in results.codes(label(law, 0)):
-                run = results[label(law, 0), code]
-                rows.append((u0, mu, code, law, -braking(run, k), distance(run, k)))
-    columns = ["u0 [m/s]", "mu_r [1]", "by", "law", "deceleration [m/s2]", "stopping distance [m]"]
-    return pandas.DataFrame(rows, columns=columns)
 
 
 CATCHES = {
@@ -194,71 +129,64 @@ CASE = Case(
     name="rolling_decay",
     title="Rolling friction: roll-out and slope",
     purpose=(
-        "Spheres that roll on a floor are braked by rolling friction at 5/7 mu_r g and stop after"
-        " 7 u0^2/(10 mu_r g), whichever of the two laws acts: the torque of constant size `cdt`, or the"
-        " elastic-plastic spring `epsd2`. From rest on a slope the laws part: with mu_r above the slope's"
-        " tangent `epsd2` holds the sphere, since its torque is kept from step to step; `cdt` has no torque"
-        " at rest and holds it only by turning its sign every few steps."
+        "Rolling friction decelerates a sphere on a floor at 5/7 mu_r g and stops it after 7 u0^2/(10 mu_r g)"
+        " under both laws: the torque of constant size `cdt` and the elastic-plastic spring `epsd2`. On a"
+        " slope, from rest, the laws differ: for mu_r above the slope's tangent `epsd2` holds the sphere, as"
+        " its torque has a history; `cdt` has no torque at rest and holds it only by a torque whose sign"
+        " alternates every few steps."
     ),
     source="Rigid-body mechanics; laws: Ai, Chen, Rotter and Ooi, Powder Technol. 206 (2011) 269, A and C.",
     variants=lambda tier: [Variant(label(law, slope), scene(law, slope)) for law, slope in VARIANTS],
     checks=(
-        *(
-            Check(
-                name=f"{name}, largest difference over the trace / largest starting speed",
-                measure=lambda results, column=column: between(results, column),
-                tolerance=1e-9, unit="1", against="LIGGGHTS", mark="X", needs=CODES,
-                reason="same law, same scheme: rounding, over 50 000 steps in contact",
-                catches="a rolling torque that is kept, cut or projected otherwise",
-            )
-            for name, column in (("velocity", "velocity"), ("R x angular velocity", "angular_velocity"))
+        *step_by_step(
+            "largest starting speed", lambda run: ROLLS[2][0],
+            reason="same law, same scheme: rounding, over 50 000 steps in contact",
+            catches="a rolling torque that is kept, cut or projected otherwise",
         ),
         *(
-            Check(
-                name=f"{law}, on the flat: {quantity}, relative error ({code})",
-                measure=lambda results, law=law, code=code, quantity=quantity: flat(
-                    results, law, code, quantity
-                ),
-                tolerance=1e-4, unit="1", against="closed form", mark="A", needs=(code,),
-                reason="rounding for the rate; the springs that swing at the stop move it by 2e-5 of the way",
-                catches=CATCHES[quantity],
+            build.per_code(
+                f"{law}, on the flat: {quantity}, relative error",
+                lambda results, code, law=law, quantity=quantity: flat(results, code, law, quantity),
+                tolerance=1e-4, against="closed form", catches=catches,
+                reason="rounding for the rate; the oscillation at the stop changes the distance by 2e-5",
             )
             for law in LAWS
-            for code in CODES
-            for quantity in CATCHES
+            for quantity, catches in CATCHES.items()
         ),
         *(
-            Check(
-                name=f"{law}, down the slope: acceleration, largest error / (5/7 g sin(slope)) ({code})",
-                measure=lambda results, law=law, code=code: sloping(results, law, code),
-                tolerance=1e-6, unit="1", against="closed form", mark="A", needs=(code,),
-                reason="the dashpot has ended the swing of the spring: rounding, through a straight line",
-                catches="a rolling torque that goes by m g instead of the normal force",
+            build.per_code(
+                f"{law}, down the slope: acceleration, largest error / (5/7 g sin(slope))",
+                lambda results, code, law=law: sloping(results, code, law),
+                tolerance=1e-6, against="closed form",
+                reason="the dashpot has ended the oscillation of the spring: rounding",
+                catches="a rolling torque proportional to m g instead of the normal force",
             )
             for law in LAWS
-            for code in CODES
         ),
-        *(
-            Check(
-                name=f"epsd2, held by the slope: way in the second half / way of a free sphere ({code})",
-                measure=lambda results, code=code: held(results, code),
-                tolerance=1e-6, unit="1", against="closed form", mark="A", needs=(code,),
-                reason="at rest but for the swing of the two springs, which epsd2 does not damp",
-                catches="a rolling torque that is forgotten from step to step",
-            )
-            for code in CODES
+        build.per_code(
+            "epsd2, held by the slope: way in the second half / way of a free sphere", held,
+            tolerance=1e-6, against="closed form",
+            reason="at rest but for the oscillation of the two springs, which epsd2 does not damp",
+            catches="a rolling torque that is forgotten from step to step",
         ),
     ),
     figures=(
         Figure(
             "Velocity on the flat and from rest on a slope",
-            "Left: straight lines to rest at the rate 5/7 mu_r g (black: closed form; marks: LIGGGHTS);"
-            " full cdt, dashed epsd2. Right: spheres with mu_r above the slope's tangent stay, the others"
-            " run off at 5/7 g (sin - mu_r cos).",
+            "Full lines and large marks: cdt; dashed lines and small marks: epsd2. Left: straight lines to"
+            " rest at the rate 5/7 mu_r g (black: closed form). Right: spheres with mu_r above the slope's"
+            " tangent stay at rest, the others accelerate at 5/7 g (sin - mu_r cos).",
             _figure,
         ),
     ),
-    tables=(Table("Deceleration and stopping distance", "On the flat.", _table),),
+    tables=(
+        build.table(
+            "Deceleration and stopping distance", "On the flat, under cdt.",
+            {"deceleration [m/s2]": lambda results, code: flat(results, code, "cdt", "deceleration"),
+             "distance [m]": lambda results, code: flat(results, code, "cdt", "stopping distance")},
+            rows="sphere",
+        ),
+    ),
     features=(
         "rolling cdt", "rolling epsd2", "normal hertz", "tangential history", "rotation", "gravity",
         "wall plane",

@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from comparisons.cases.single_contact.checks import CODES
-from comparisons.harness.case import Case, Check, Figure, Measured, Results, Table, Variant
-from comparisons.metrics.trace import largest_difference
+from comparisons.cases.side_by_side import every_pair, floor
+from comparisons.harness import check_builders as build
+from comparisons.harness.case import Case, Figure, Measured, Results, Tier, Variant, relative
 from comparisons.oracles.bodies import Bodies, bodies
 from comparisons.report import plots
 from gpudem.output.run import Run
-from gpudem.scene import Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
+from gpudem.scene import Domain, Explicit, Material, Output, Scene, Time
 
 if TYPE_CHECKING:
-    import pandas
     from matplotlib.figure import Figure as MatplotlibFigure
 
 GRAVITY = 9.81
@@ -24,12 +23,8 @@ GRAVITY = 9.81
 COLUMNS = (
     ((0.003, "light"),) * 8,
     (
-        (0.003, "light"),
-        (0.005, "heavy"),
-        (0.002, "light"),
-        (0.004, "heavy"),
-        (0.003, "heavy"),
-        (0.002, "heavy"),
+        *((0.003, "light"), (0.005, "heavy"), (0.002, "light")),
+        *((0.004, "heavy"), (0.003, "heavy"), (0.002, "heavy")),
     ),
     ((0.006, "heavy"),),
 )
@@ -46,27 +41,24 @@ SETTLE_TIME, ELASTIC_TIME = 1.2, 0.02
 
 def scene(restitution: float, step: float, duration: float, every: float) -> Scene:
     """All columns side by side, each sphere just touching the next."""
-    position, radius, material = [], [], []
-    for k, column in enumerate(COLUMNS):
-        height = 0.0
-        for r, name in column:
-            position.append((SPACING * k, 0.0, height + r))
-            radius.append(r)
-            material.append(name)
-            height += 2 * r
-    names = list(MATERIALS)
-    pairs = [Pair(materials=(a, b), restitution=restitution) for i, a in enumerate(names) for b in names[i:]]
+    position = [
+        (SPACING * k, 0.0, sum(2 * r for r, _ in column[:n]) + column[n][0])
+        for k, column in enumerate(COLUMNS)
+        for n in range(len(column))
+    ]
+    spheres = [sphere for column in COLUMNS for sphere in column]
     return Scene(
-        name="stack", materials=MATERIALS, pairs=pairs,
-        particles=Explicit(position=position, radius=np.array(radius), material=material),
-        gravity=(0.0, 0.0, -GRAVITY),
-        walls=[Plane(name="floor", material="wall", point=(0, 0, 0), normal=(0, 0, 1))],
+        name="stack", materials=MATERIALS, pairs=every_pair(list(MATERIALS), [], restitution=restitution),
+        particles=Explicit(
+            position=position, radius=[r for r, _ in spheres], material=[name for _, name in spheres]
+        ),
+        gravity=(0.0, 0.0, -GRAVITY), walls=[floor("wall")],
         domain=Domain(lo=(-0.02, -0.02, -0.001), hi=(SPACING * len(COLUMNS), 0.02, 0.08)),
         time=Time(step=step, duration=duration), output=Output(trace_every=every),
     )  # fmt: skip
 
 
-def variants() -> list[Variant]:
+def variants(tier: Tier) -> list[Variant]:
     settled = Variant(SETTLED, scene(0.1, STEP, SETTLE_TIME, 4e-3))
     return [settled, *(Variant(k, scene(1.0, dt, ELASTIC_TIME, 2e-5)) for k, dt in ELASTIC.items())]
 
@@ -92,28 +84,24 @@ def overlap(run: Run, above: int, below: int | str) -> np.ndarray:
     return radius[above] + radius[below] - (z[:, above] - z[:, below])
 
 
-def overlaps(results: Results, code: str) -> Measured:
-    """Largest relative error of a settled overlap against (weight above / k)^(2/3)."""
-    run, rows = results[SETTLED, code], []
+def overlaps(results: Results, code: str) -> dict[str, Measured]:
+    """Relative error of each settled overlap against (weight above / k)^(2/3)."""
+    run, found = results[SETTLED, code], {}
     for above, below, c, weight in contacts(run.scene):
-        want = (weight / c.normal_constant) ** (2 / 3)
+        lower = below if isinstance(below, str) else f"sphere {below + 1}"
         got = float(overlap(run, above, below)[-1])
-        rows.append((abs(got / want - 1), got, want, f"sphere {above + 1} on {below}"))
-    value, got, want, where = max(rows, key=lambda row: row[0])
-    return Measured(value, got, want, f"{len(rows)} contacts; largest at {where}")
+        found[f"sphere {above + 1} on {lower}"] = relative(got, (weight / c.normal_constant) ** (2 / 3))
+    return found
 
 
-def base_load(results: Results, code: str) -> Measured:
-    """Largest relative difference of the force on the floor, k overlap^1.5, and the weight of the column."""
-    run, rows = results[SETTLED, code], []
-    for above, below, c, weight in contacts(run.scene):
-        if below == "floor":
-            deep = float(overlap(run, above, below)[-1])
-            rows.append(
-                (abs(c.normal_constant * deep**1.5 / weight - 1), c.normal_constant * deep**1.5, weight)
-            )
-    value, got, want = max(rows)
-    return Measured(value, got, want, f"{len(rows)} columns")
+def base_load(results: Results, code: str) -> dict[str, Measured]:
+    """Relative difference of the force on the floor, k overlap^1.5, and the weight of each column."""
+    run = results[SETTLED, code]
+    return {
+        f"sphere {above + 1}": relative(c.normal_constant * overlap(run, above, below)[-1] ** 1.5, weight)
+        for above, below, c, weight in contacts(run.scene)
+        if below == "floor"
+    }
 
 
 def energy(run: Run) -> np.ndarray:
@@ -128,110 +116,64 @@ def energy(run: Run) -> np.ndarray:
     return total - total[0]
 
 
-def turned(run: Run) -> float:
-    """Largest kinetic energy [J]: what is turned over in the swing."""
+def drift(run: Run) -> np.ndarray:
+    """Change of the total energy over time, by the largest kinetic energy."""
     mass = np.array([c.mass[0] for _, _, c, _ in contacts(run.scene)])
-    return float((0.5 * (run.trace["velocity"] ** 2).sum(axis=2) @ mass).max())
-
-
-def energy_error(results: Results, code: str) -> Measured:
-    """Largest change of the total energy at the finest step, by the largest kinetic energy."""
-    run = results[list(ELASTIC)[-1], code]
-    return Measured(float(np.abs(energy(run)).max()) / turned(run), note=f"{run.scene.n_steps} steps")
-
-
-def energy_order(results: Results, code: str) -> float:
-    """Slope of log(largest change) against log(step)."""
-    steps = list(ELASTIC.values())
-    off = [float(np.abs(energy(results[name, code])).max()) for name in ELASTIC]
-    return float(np.polyfit(np.log(steps), np.log(off), 1)[0])
-
-
-def between(results: Results, column: str) -> Measured:
-    """Largest difference between the codes over all traces; by radius, or sqrt(g R) of the smallest."""
-    found = {}
-    for name in results.labels():
-        a, b = (results[name, code] for code in CODES)
-        small = float(a.scene.state.radius.min())
-        scale = small if column == "position" else math.sqrt(GRAVITY * small)
-        found[name] = largest_difference(a.trace[column], b.trace[column], scale)
-    worst = max(found, key=lambda name: np.nan_to_num(found[name], nan=np.inf))
-    return Measured(found[worst], note=f"{len(found)} runs; largest in {worst}")
+    return np.abs(energy(run)) / float((0.5 * (run.trace["velocity"] ** 2).sum(axis=2) @ mass).max())
 
 
 def _figure(results: Results) -> MatplotlibFigure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
-    for k in range(len(COLUMNS)):
-        offset = sum(len(c) for c in COLUMNS[:k])
-        for code in results.codes(SETTLED):
-            run = results[SETTLED, code]
-            rows = contacts(run.scene)[offset : offset + len(COLUMNS[k])]
-            level = np.arange(1, len(rows) + 1)
-            if code == CODES[0]:
-                want = [1e6 * (w / c.normal_constant) ** (2 / 3) for _, _, c, w in rows]
-                left.plot(want, level, "-", color=plots.SERIES[k], lw=0.9, label=f"column {k + 1}")
-            got = [1e6 * overlap(run, above, below)[-1] for above, below, _, _ in rows]
-            left.plot(got, level, "x" if code == CODES[0] else "o", color=plots.SERIES[k], mfc="none")
-    left.set(xlabel="overlap at rest [um]", ylabel="contact, counted from the floor")
-    plots.legend(left)
-    for k, name in enumerate(ELASTIC):
-        for code in results.codes(name):
+    ran = results.codes()
+    levels = np.concatenate([np.arange(len(column)) + 1 for column in COLUMNS])
+    column = np.repeat(np.arange(len(COLUMNS)), [len(c) for c in COLUMNS])
+    for code in ran:
+        found = list(overlaps(results, code).values())
+        got, want = (1e6 * np.array([getattr(m, k) for m in found]) for k in ("measured", "expected"))
+        for k, color in enumerate(plots.SERIES[: len(COLUMNS)]):
+            own = column == k
+            left.plot(want[own], levels[own], "-", color=color, lw=0.9, label=f"column {k + 1}")
+            left.plot(got[own], levels[own], **plots.marks(code, color=color))
+        for k, (name, step) in enumerate(ELASTIC.items()):
             run = results[name, code]
-            off = np.abs(energy(run)) / turned(run)
-            thin = slice(1, None) if code == CODES[0] else slice(1, None, 40)
-            text = f"step {ELASTIC[name]:g} s" if code == CODES[0] else None
-            line = "-" if code == CODES[0] else "o"
-            style = {"color": plots.SERIES[k], "ms": 4, "mfc": "none", "lw": 0.8, "label": text}
-            right.semilogy(run.trace["time"][thin], np.maximum(off[thin], 1e-14), line, **style)
+            look = plots.line_or_marks(code, len(run.trace["time"]), color=plots.SERIES[k], lw=0.8)
+            text = f"step {step:g} s" if code == ran[0] else None
+            right.semilogy(run.trace["time"][1:], np.maximum(drift(run)[1:], 1e-14), **look, label=text)
+    left.set(xlabel="overlap at rest [um]", ylabel="contact, counted from the floor")
+    plots.legend(left, points=ran)
     right.set(xlabel="time [s]", ylabel="|change of energy| / largest kinetic energy")
-    plots.legend(right)
+    plots.legend(right, lines=ran)
     return figure
-
-
-def _table(results: Results) -> pandas.DataFrame:
-    import pandas
-
-    rows = []
-    for above, below, c, weight in contacts(results[SETTLED, results.codes()[0]].scene):
-        row: dict[str, object] = {"sphere": above + 1, "on": below if below == "floor" else int(below) + 1}
-        row |= {"weight carried [N]": weight, "closed form [m]": (weight / c.normal_constant) ** (2 / 3)}
-        row |= {f"{code} [m]": overlap(results[SETTLED, code], above, below)[-1] for code in results.codes()}
-        rows.append(row)
-    return pandas.DataFrame(rows)
 
 
 CASE = Case(
     name="stack",
     title="Columns under their own weight",
     purpose=(
-        "Columns of spheres, equal ones, mixed ones, and a single one, settle on a floor. At rest each"
-        " contact carries exactly what lies above it, so that every overlap is (weight/k)^(2/3) and the load"
-        " on the floor is the weight: nothing of the load may leak into a numerical crutch. Without damping"
-        " the same columns swing for ever, and kinetic, elastic and potential energy together must stay."
+        "Columns of equal spheres, of unequal ones, and a single sphere settle on a floor. At rest each"
+        " contact carries exactly the weight above it: every overlap is (weight/k)^(2/3), the load on the"
+        " floor is the weight, and no numerical device may carry a part of it. Without damping the same"
+        " columns oscillate forever, and the sum of kinetic, elastic and potential energy is conserved."
     ),
     source="Statics with Hertz (1882); energy: as in LAMMPS' unittest/granular, stack_energy.",
-    variants=lambda tier: variants(),
+    variants=variants,
     checks=(
         *(
-            Check(
-                name=f"{name}, largest difference over the traces",
-                measure=lambda results, column=column: between(results, column),
-                tolerance=1e-9, unit="1", against="LIGGGHTS", mark="X", needs=CODES,
-                reason="same law, same scheme: rounding, over 120 000 steps in contact",
+            build.step_by_step(
+                f"{column} / {unit}, largest difference over the traces", column, scale,
+                tolerance=1e-9, reason="same law, same scheme: rounding, over 120 000 steps in contact",
                 catches="an effective mass or radius mixed up between unlike spheres",
             )
-            for name, column in (("position / smallest radius", "position"),
-                                 ("velocity / sqrt(g R)", "velocity"))
+            for column, unit, scale in (
+                ("position", "smallest radius", lambda run: run.scene.state.radius.min()),
+                ("velocity", "sqrt(g R)", lambda run: math.sqrt(GRAVITY * run.scene.state.radius.min())),
+            )
         ),
         *(
-            Check(
-                name=f"{name} ({code})",
-                measure=lambda results, code=code, measure=measure: measure(results, code),
-                tolerance=1e-6, unit="1", against="closed form", mark="A", needs=(code,),
-                reason="settled: what is left of the swing; the step does not enter at rest",
-                catches=catches,
+            build.per_code(
+                name, measure, tolerance=1e-6, against="closed form", catches=catches,
+                reason="settled: the rest of the oscillation; at rest the step has no influence",
             )
-            for code in CODES
             for name, measure, catches in (
                 ("overlaps at rest against (weight above / k)^(2/3), largest relative error", overlaps,
                  "a wrong E*, R* of a pair of unlike spheres or of the wall"),
@@ -239,36 +181,31 @@ CASE = Case(
                  "a force that is not opposite on both sides of a contact"),
             )
         ),
-        *(
-            Check(
-                name=f"elastic: change of the total energy / largest kinetic energy ({code})",
-                measure=lambda results, code=code: energy_error(results, code),
-                tolerance=1e-4, unit="1", against="conservation", mark="A", needs=(code,),
-                reason="velocity Verlet: bounded and of second order in the step",
-                catches="an integrator of first order, which feeds or drains the swing",
-            )
-            for code in CODES
+        build.per_code(
+            "elastic: change of the total energy / largest kinetic energy",
+            lambda results, code: float(drift(results[results.finest("elastic"), code]).max()),
+            tolerance=1e-4, against="conservation",
+            reason="velocity Verlet: bounded and of second order in the step",
+            catches="an integrator of first order, which adds or removes energy",
         ),
-        *(
-            Check(
-                name=f"elastic: observed order of that change in the time step ({code})",
-                measure=lambda results, code=code: energy_order(results, code),
-                lo=1.8, tolerance=2.2, unit="1", against="conservation", mark="A", needs=(code,),
-                reason="velocity Verlet", catches="a force that lags by a step: order 1",
-            )
-            for code in CODES
+        build.observed_order(
+            "elastic: observed order of that change in the time step",
+            lambda results, label, code: float(np.abs(energy(results[label, code])).max()),
+            (1.8, 2.2), prefix="elastic", against="conservation", reason="velocity Verlet",
+            catches="a force that lags by a step: order 1",
         ),
     ),
     figures=(
         Figure(
             "Overlaps at rest, and energy of the elastic columns",
-            "Left: closed form (lines), gpudem (crosses), LIGGGHTS (circles); in the mixed column the"
-            " overlaps jump with radius and modulus. Right: a quarter of the change for half the step, and"
-            " no drift.",
+            "Left: closed form (lines); in the mixed column the overlaps change with radius and modulus."
+            " Right: a quarter of the change for half the step, and no drift.",
             _figure,
         ),
     ),
-    tables=(Table("Overlaps at rest", "Each contact and what it carries.", _table),),
+    tables=(
+        build.table("Overlaps at rest", "Each contact.", {"overlap [m]": overlaps}, rows="contact"),
+    ),
     features=(
         "normal hertz", "damping", "gravity", "wall plane", "several radii", "several materials",
         "sphere-sphere",
