@@ -35,6 +35,11 @@ class Options:
     """MPI ranks of a code that has them."""
 
 
+def no_options(cores: int) -> dict[str, Any]:
+    """For a code whose number of cores cannot be set."""
+    return {}
+
+
 def never_missing() -> str:
     """For a code that is always at hand."""
     return ""
@@ -57,6 +62,8 @@ class Code:
     role: Role = "under_test"
     unit: str = "core"
     """What `Timing.cores` counts: core, rank."""
+    on_cores: Callable[[int], dict[str, Any]] = no_options
+    """Keyword arguments of a run that is timed on so many cores; no output of an earlier run stands in."""
     missing: Callable[[], str] = never_missing
     """Why the code cannot run on this machine and how to get it; empty if it can."""
     style: dict[str, Any] = dataclasses.field(default_factory=dict)

@@ -58,7 +58,7 @@ def register(code: Any) -> None:
 
 def _register_all() -> None:
     style = {"color": "#0072b2", "linestyle": "-", "linewidth": 1.8, "zorder": 3}
-    register(Code("gpudem", "gpudem", _gpudem, style=style))
+    register(Code("gpudem", "gpudem", _gpudem, on_cores=lambda cores: {"threads": cores}, style=style))
     for module in pkgutil.iter_modules(reference.__path__):
         if module.ispkg and importlib.util.find_spec(f"reference.{module.name}.code"):
             register(importlib.import_module(f"reference.{module.name}.code").CODE)
@@ -106,6 +106,11 @@ def stepped(selected: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in selected if name in CODES and CODES[name].role in STEPPED)
 
 
+def references(selected: Sequence[str]) -> tuple[str, ...]:
+    """Those of the selected codes that others are compared with."""
+    return tuple(name for name in stepped(selected) if CODES[name].role == "reference")
+
+
 def brought(code: str) -> bool:
     """Whether a code to be tested is not gpudem's own."""
     return code != "gpudem" and code in CODES and CODES[code].role == "under_test"
@@ -123,10 +128,9 @@ def pairs(selected: Sequence[str]) -> list[tuple[str, str]]:
     compared with gpudem where that is selected, which is compared with the references itself.
     """
     chosen = stepped(selected)
-    references = [name for name in chosen if CODES[name].role == "reference"]
     found = []
     for name in chosen:
         if CODES[name].role == "under_test":
-            against = ["gpudem"] if brought(name) and "gpudem" in chosen else references
+            against = ["gpudem"] if brought(name) and "gpudem" in chosen else references(chosen)
             found += [(name, other) for other in against]
     return found

@@ -51,8 +51,9 @@ class Configurations:
     of its own.
     """
 
-    def __init__(self, *own: Configuration):
-        self.own = own
+    def __init__(self, *own: Configuration, timed_on: int | None = None):
+        """`timed_on`: cores of runs that are timed; no output of an earlier run stands in for these."""
+        self.own, self.timed_on = own, timed_on
 
     def of(self, code: str) -> tuple[Configuration, ...]:
         """The configurations of a code."""
@@ -77,9 +78,18 @@ class Configurations:
         first, *further = self.own if own is None else own
         if first.label:
             raise ValueError(f"configuration {first.title!r} does not run the variant of all codes")
-        made = [Variant(label, scene, options={first.code: first.options}, **more)]
-        return made + [
-            Variant(one.key(label)[0], scene, (one.code,), {one.code: one.options}, **more) for one in further
+
+        def options(one: Configuration) -> dict[str, Any]:
+            timed = {} if self.timed_on is None else codes.CODES[one.code].on_cores(self.timed_on)
+            return {**timed, **one.options}
+
+        shared = {code: options(self.of(code)[0]) for code in codes.stepped(tuple(codes.CODES))}
+        made = Variant(label, scene, options=shared, **more)
+        return [made] + [
+            dataclasses.replace(
+                made, label=one.key(label)[0], codes=(one.code,), options={one.code: options(one)}
+            )
+            for one in further
         ]
 
 

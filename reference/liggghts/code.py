@@ -32,6 +32,7 @@ def _missing() -> str:
 
 CODE = Code(
     name="liggghts", title="LIGGGHTS", run=_run, role="reference", unit="rank", missing=_missing,
+    on_cores=lambda cores: {"ranks": cores, "use_recorded": False},
     style={
         "color": "#d55e00", "linestyle": "none", "marker": "o", "markersize": 4.5,
         "markerfacecolor": "none", "markeredgewidth": 1.2, "zorder": 4,
