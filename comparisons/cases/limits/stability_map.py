@@ -1,4 +1,4 @@
-"""The map of stable steps: which scenes, which rows, what each point turned out to be, and its drawing."""
+"""The map of stable steps: its scenes, what each point turned out to be, its figure and its tables."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 from comparisons.bench import beds
 from comparisons.cases.limits import stability
 from comparisons.cases.limits.stability import POOR, STABLE, UNSTABLE, Spot
+from comparisons.harness import codes
 from comparisons.harness.case import Results, Tier, Variant
+from comparisons.harness.configurations import Configuration, Configurations
 from comparisons.harness.numbers import number
 from comparisons.oracles import step_limit
 from comparisons.report import plots
@@ -23,114 +25,114 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
-#: Who is mapped -> (label suffix, code, arguments of its run function).
-WHO = {
-    "gpudem half_step": ("half", "gpudem", {}),
-    "gpudem path": ("path", "gpudem", {"integrator": "path"}),
-    "gpudem mixed": ("mixed", "gpudem", {"precision": "mixed"}),
-    "gpudem float32": ("float32", "gpudem", {"precision": "float32"}),
-    "LIGGGHTS": ("liggghts", "liggghts", {"use_recorded": False}),
-}
-#: Who runs columns and beds of restitutions other than 0.9.
-FEW = ("gpudem half_step", "gpudem path", "LIGGGHTS")
+HALF = Configuration("gpudem half_step", options={"integrator": "half_step"})
+PATH = Configuration("gpudem path", options={"integrator": "path"}, label="path")
+MIXED = Configuration("gpudem mixed", options={"precision": "mixed"}, label="mixed")
+SINGLE = Configuration("gpudem float32", options={"precision": "float32"}, label="float32")
+#: The limits are those of the half-step scheme: codes that a user brings are not asked.
+CONFIGURATIONS = Configurations(HALF, PATH, MIXED, SINGLE)
 LAWS = {"quick": ("hertz",), "standard": ("hertz", "hooke"), "full": ("hertz", "hooke")}
-#: Ratio of one rung to the next: contacts at rest, impacts.
+#: Ratio of one step of a sweep to the next: contacts at rest, impacts; and where the sweeps begin and end.
 FINE = {"quick": (1.25, 1.4), "standard": (1.07, 1.12), "full": (1.02, 1.05)}
 REST, IMPACTS = (0.25, 8.0), (0.04, 2.5)
-#: Columns: restitution, and steps as shares of the closed form's limit.
+#: Columns: restitution, and steps / closed form's limit.
 COLUMNS = {
     "quick": ((0.9,), (0.9, 1.1)),
     "standard": ((0.3, 0.9, 1.0), (0.6, 0.8, 0.97, 1.03, 1.1)),
     "full": ((0.3, 0.5, 0.9, 1.0), (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 1.02, 1.05, 1.1, 1.2)),
 }
-#: The settled bed of 5000 balls: restitution, steps / Rayleigh time, steps of a run.
+#: The settled bed of 5000 balls: restitution, steps / Rayleigh time.
 BEDS = {
     "quick": ((), ()), "standard": ((0.3, 0.9), (0.2, 0.3, 0.4, 0.5, 0.65, 0.8)),
     "full": ((0.1, 0.3, 0.5, 0.9, 1.0), (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.65, 0.8)),
 }  # fmt: skip
 BED_STEPS = 250
-#: A bed is unstable where its kinetic energy has grown so many times: at a good step it falls.
+#: A bed is unstable where its kinetic energy has grown by this factor: at a stable step it falls.
 BED_GROWN = 100.0
-COLOURS = {STABLE: "#56b4e9", POOR: "#e6c229", UNSTABLE: "#b3261e"}
+COLORS = {STABLE: "#56b4e9", POOR: "#e6c229", UNSTABLE: "#b3261e"}
 WORDS = {STABLE: "stable", POOR: "rebound off by more than 1 %", UNSTABLE: "unstable: gains energy"}
 
 
 @dataclasses.dataclass(frozen=True)
 class Point:
-    """One step of one row of the map."""
+    """One contact at one step by one configuration."""
 
-    row: str
-    who: str
-    share: float
-    """Step / Rayleigh time."""
-    found: int
-    spot: Spot
+    by: str
     normal: str
-    said: str = ""
-    """What the code said as it gave up."""
+    spot: Spot
+    found: int
+    """STABLE, POOR or UNSTABLE."""
+    message: str = ""
+    """What the code said during the run or as it ended it."""
+
+    @property
+    def share(self) -> float:
+        """Step / Rayleigh time."""
+        return self.spot.share
+
+    @property
+    def row(self) -> str:
+        """Its row of the map."""
+        s = self.spot
+        what = {
+            "rest": f"ball at rest, e = {s.restitution:g}, mu = {s.friction:g}",
+            "impact": f"impact, e = {s.restitution:g}" + (", mu = 0.5, 45°" if s.friction else ", head-on"),
+            "column": f"column of {stability.COLUMN}, e = {s.restitution:g}",
+            "bed": f"bed of {beds.COUNT}, e = {s.restitution:g}, mu = {s.friction:g}",
+        }[s.kind]
+        return f"{self.normal}: {what}"
+
+    @property
+    def warned(self) -> bool:
+        """Whether `gpudem validate` calls this step long: above 0.2 of the Rayleigh time or 0.05 of the
+        contact time.
+        """
+        if self.share > USUAL_RAYLEIGH or self.spot.kind != "impact":
+            return self.share > USUAL_RAYLEIGH
+        return USUAL_CONTACT * stability.contact_time(self.spot, self.normal) < stability.STEP
 
 
 @functools.cache
-def ladders(tier: Tier, normal: str) -> dict[str, tuple[Scene, list[Spot]]]:
-    """The two scenes that hold whole ladders."""
+def sweeps(tier: Tier, normal: str) -> dict[str, tuple[Scene, list[Spot]]]:
+    """The two scenes that hold whole sweeps."""
     rest, hit = FINE[tier]
     return {
-        "rest": stability.at_rest(normal, stability.ladder(*REST, rest)),
-        "impact": stability.impacts(normal, stability.ladder(*IMPACTS, hit)),
+        "rest": stability.at_rest(normal, stability.sweep(*REST, rest)),
+        "impact": stability.impacts(normal, stability.sweep(*IMPACTS, hit)),
     }
 
 
 @functools.cache
-def columns(tier: Tier) -> dict[str, tuple[Scene, Spot]]:
-    """One scene for each step of a column, by label."""
-    restitutions, shares = COLUMNS[tier]
-    return {
-        f"column_e{100 * e:g}_{100 * f:g}": stability.column("hertz", e, f * whole)
-        for e in restitutions
-        for whole in [stability.column_limit("hertz", e)]
-        for f in shares
-    }
-
-
-@functools.cache
-def settled(tier: Tier) -> dict[str, tuple[Scene, Spot]]:
-    """The settled bed at each step, by label."""
-    restitutions, shares = BEDS[tier]
-    ball = beds.MATERIALS["polystyrene"]
-    whole = step_limit.rayleigh_time(beds.RADIUS, ball["young"], ball["poisson"], ball["density"])
-    found = {}
+def single(tier: Tier) -> dict[str, tuple[Scene, Spot]]:
+    """One scene for each step of a column and of the settled bed, by label."""
+    found, (restitutions, shares) = {}, COLUMNS[tier]
     for e in restitutions:
-        pairs = [{**pair, "restitution": e} for pair in beds.PAIRS]
-        for share in shares:
-            step = share * whole
-            scene = beds.bench_scene(
-                "settled", beds.COUNT, BED_STEPS, pairs=pairs,
-                time=Time(step=step, duration=BED_STEPS * step),
-                output=Output(history_every=10 * step), allow=("time_step",),
-            )  # fmt: skip
-            found[f"bed_e{100 * e:g}_{100 * share:g}"] = (scene, Spot("bed", share, e, 0.3, ()))
+        whole = stability.column_limit("hertz", e)
+        found |= {f"column_e{100 * e:g}_{100 * f:g}": stability.column("hertz", e, f * whole) for f in shares}
+    ball, (restitutions, shares) = beds.MATERIALS["polystyrene"], BEDS[tier]
+    rayleigh = step_limit.rayleigh_time(beds.RADIUS, ball["young"], ball["poisson"], ball["density"])
+    for e, share in itertools.product(restitutions, shares):
+        step = share * rayleigh
+        scene = beds.bench_scene(
+            "settled", beds.COUNT, BED_STEPS, pairs=[{**pair, "restitution": e} for pair in beds.PAIRS],
+            time=Time(step=step, duration=BED_STEPS * step), output=Output(history_every=10 * step),
+            allow=("time_step",),
+        )  # fmt: skip
+        found[f"bed_e{100 * e:g}_{100 * share:g}"] = (scene, Spot("bed", share, e, 0.3))
     return found
 
 
 def variants(tier: Tier) -> list[Variant]:
-    """All scenes through all three."""
+    """All scenes by all configurations; columns and beds of e other than 0.9 not in mixed and float32."""
+    asked = ("gpudem", *codes.references(tuple(codes.CODES)))
     made = []
-
-    def add(label: str, scene: Scene, who: tuple[str, ...], may_end: bool = False) -> None:
-        for name in who:
-            suffix, code, arguments = WHO[name]
-            timed = label == "impact_hertz"  # the rate that the table shows
-            made.append(
-                Variant(f"{label}-{suffix}", scene, (code,), {code: arguments}, may_end=may_end, timed=timed)
-            )
-
     for normal in LAWS[tier]:
-        for kind, (scene, _) in ladders(tier, normal).items():
-            add(f"{kind}_{normal}", scene, tuple(WHO))
-    for label, (scene, spot) in columns(tier).items():
-        add(label, scene, tuple(WHO) if spot.restitution == 0.9 else FEW, may_end=True)
-    for label, (scene, spot) in settled(tier).items():
-        add(label, scene, tuple(WHO) if spot.restitution == 0.9 else FEW, may_end=True)
+        for kind, (scene, _) in sweeps(tier, normal).items():
+            timed = (kind, normal) == ("impact", "hertz")  # the rate that a table shows
+            made += CONFIGURATIONS.variants(f"{kind}_{normal}", scene, codes=asked, timed=timed)
+    for label, (scene, spot) in single(tier).items():
+        own = CONFIGURATIONS.own if spot.restitution == 0.9 else (HALF, PATH)
+        made += CONFIGURATIONS.variants(label, scene, own, codes=asked, may_end=True)
     return made
 
 
@@ -141,27 +143,20 @@ def points(results: Results) -> list[Point]:
 
 def _points(results: Results) -> list[Point]:
     found = []
-    for who, (suffix, code, _) in WHO.items():
-        if code not in results.codes():
-            continue
+    for one in CONFIGURATIONS.among(results.codes()):
         for normal in LAWS[results.tier]:
-            for kind, (_, spots) in ladders(results.tier, normal).items():
-                run = results[f"{kind}_{normal}-{suffix}", code]
-                found += [
-                    Point(row(s, normal), who, s.share, stability.judged(run, s), s, normal) for s in spots
-                ]
-        for label, (_, spot) in (columns(results.tier) | settled(results.tier)).items():
-            key = (f"{label}-{suffix}", code)
+            for kind, (_, spots) in sweeps(results.tier, normal).items():
+                run = one.run(results, f"{kind}_{normal}")
+                found += [Point(one.title, normal, s, stability.judged(run, s)) for s in spots]
+        for label, (_, spot) in single(results.tier).items():
+            key = one.key(label)
             if key in results.ended:
-                said = results.ended[key]
-                found.append(Point(row(spot, "hertz"), who, spot.share, UNSTABLE, spot, "hertz", said))
+                found.append(Point(one.title, "hertz", spot, UNSTABLE, results.ended[key]))
             elif key in results.runs:
-                judge = bed_judged if spot.kind == "bed" else stability.judged
                 run = results[key]
-                said = "; ".join(run.warnings) if code == "gpudem" else ""
-                found.append(
-                    Point(row(spot, "hertz"), who, spot.share, judge(run, spot), spot, "hertz", said)
-                )
+                judge = bed_judged if spot.kind == "bed" else stability.judged
+                message = "; ".join(run.warnings) if one.code == "gpudem" else ""
+                found.append(Point(one.title, "hertz", spot, judge(run, spot), message))
     return found
 
 
@@ -171,74 +166,49 @@ def bed_judged(run: Run, spot: Spot) -> int:
     return STABLE if energy[-1] < BED_GROWN * energy[0] else UNSTABLE
 
 
-def warned(point: Point) -> bool:
-    """Whether gpudem says before a run that this step is above the usual limits: 0.2 of the Rayleigh time or
-    0.05 of the contact time, as `gpudem validate` prints.
-    """
-    if point.spot.kind != "impact":
-        return point.share > USUAL_RAYLEIGH
-    c = stability.floor_bodies(point.spot)
-    return point.share > USUAL_RAYLEIGH or stability.STEP > USUAL_CONTACT * stability.contact_time(
-        c, point.normal
-    )
-
-
-def row(spot: Spot, normal: str) -> str:
-    """Name of a row of the map."""
-    what = {
-        "rest": f"ball at rest, e = {spot.restitution:g}, mu = {spot.friction:g}",
-        "impact": f"impact, e = {spot.restitution:g}" + (", mu = 0.5, 45°" if spot.friction else ", head-on"),
-        "column": f"column of {stability.COLUMN}, e = {spot.restitution:g}",
-        "bed": f"bed of {beds.COUNT}, e = {spot.restitution:g}, mu = {spot.friction:g}",
-    }[spot.kind]
-    return f"{normal}: {what}"
-
-
-def bracket(results: Results, name: str, who: str, worst: int) -> tuple[float, float]:
+def bracket(results: Results, row: str, by: str, worst: int) -> tuple[float, float]:
     """(Largest step up to which all are at most `worst`, the next) / Rayleigh time; NaN, inf at the ends."""
-    mine = sorted((p.share, p.found) for p in points(results) if (p.row, p.who) == (name, who))
     last = math.nan
-    for share, found in mine:
-        if found > worst:
-            return last, share
-        last = share
+    for p in _row(results, row, by):
+        if p.found > worst:
+            return last, p.share
+        last = p.share
     return last, math.inf
 
 
-def rows(results: Results) -> list[str]:
-    """Rows of the map, in order."""
+def _row(results: Results, row: str, by: str) -> list[Point]:
+    return sorted((p for p in points(results) if (p.row, p.by) == (row, by)), key=lambda p: p.share)
+
+
+def rows(results: Results) -> dict[str, Point]:
+    """Rows of the map in order, with one point of each."""
     order = ("rest", "column", "bed", "impact")
-    found = sorted(points(results), key=lambda p: (p.normal, order.index(p.spot.kind)))
-    return list(dict.fromkeys(p.row for p in found))
+    found = sorted(points(results), key=lambda p: (p.normal, order.index(p.spot.kind)), reverse=True)
+    return dict(reversed({p.row: p for p in found}.items()))
+
+
+def _by(results: Results) -> list[str]:
+    return list(dict.fromkeys(p.by for p in points(results)))
 
 
 def draw(results: Results) -> Figure:
-    """A bar for each point, coloured by what it turned out to be; a line where the closed form says."""
-    names, who = rows(results), list(dict.fromkeys(p.who for p in points(results)))
+    """A bar for each point, colored by what it turned out to be; a line at the closed form's limit."""
+    names, by = list(rows(results)), _by(results)
     figure, axes = plots.figure(
-        1,
-        len(who),
-        width=1.15 * plots.WHOLE,
-        height=1.2 + 0.2 * len(names),
-        sharey=True,
-        sharex=True,
+        1, len(by), width=1.15 * plots.WHOLE, height=1.2 + 0.2 * len(names), sharey=True, sharex=True,
         squeeze=False,
-    )
-    for ax, one in zip(axes[0], who, strict=True):
+    )  # fmt: skip
+    for ax, one in zip(axes[0], by, strict=True):
         for k, name in enumerate(names):
-            mine = [p for p in points(results) if (p.row, p.who) == (name, one)]
-            mine.sort(key=lambda p: p.share)
-            if not mine:
-                continue
+            mine = _row(results, name, one)
             shares = [p.share for p in mine]
-            between = [math.sqrt(a * b) for a, b in itertools.pairwise(shares)]
-            edges = [shares[0], *between, shares[-1]]
+            edges = [*shares[:1], *(math.sqrt(a * b) for a, b in itertools.pairwise(shares)), *shares[-1:]]
             for p, lo, hi in zip(mine, edges, edges[1:], strict=False):
-                ax.barh(k, hi - lo, left=lo, height=0.8, color=COLOURS[p.found], label=WORDS[p.found])
-            if mine[0].spot.kind in ("rest", "column"):
-                marginal = [p for p in mine if p.share >= stability.limit(p.spot, p.normal)]
-                if marginal:
-                    at = stability.limit(marginal[0].spot, marginal[0].normal)
+                ax.barh(k, hi - lo, left=lo, height=0.8, color=COLORS[p.found], label=WORDS[p.found])
+            if mine and mine[0].spot.kind in ("rest", "column"):
+                limits = [stability.limit(p.spot, p.normal) for p in mine]
+                at = next((x for x, p in zip(limits, mine, strict=True) if p.share >= x), None)
+                if at is not None:
                     mark = {"color": "black", "lw": 1.4, "label": "closed form, half_step"}
                     ax.plot([at, at], [k - 0.5, k + 0.5], **mark)
         ax.set(title=one, xscale="log", xlabel="step / Rayleigh time", ylim=(len(names) - 0.4, -0.6))
@@ -255,77 +225,71 @@ def draw(results: Results) -> Figure:
 
 
 def table(results: Results) -> pandas.DataFrame:
-    """Largest steps of each row, / Rayleigh time."""
+    """Largest steps of each row / Rayleigh time."""
     import pandas
 
     def text(name: str, one: str, worst: int) -> str:
         lo, hi = bracket(results, name, one, worst)
         if math.isnan(lo):
-            return f"below {hi:.2g}"
+            return f"below {hi:.2g}" if math.isfinite(hi) else "not run"
         return f"{lo:.2f}" if math.isfinite(hi) else f"above {lo:.2f}"
 
     found = []
-    for name in rows(results):
-        mine = [p for p in points(results) if p.row == name]
-        p = mine[0]
-        line: dict[str, object] = {"contact": name}
-        for one in dict.fromkeys(q.who for q in points(results)):
-            has = any(q.who == one for q in mine)
-            line[f"{one}: stable up to [T_R]"] = text(name, one, POOR) if has else "not run"
+    for name, p in rows(results).items():
+        line = {"contact": name}
+        line |= {f"{one}: stable up to [T_R]": text(name, one, POOR) for one in _by(results)}
         if p.spot.kind == "impact":
-            line["within 1 %: half_step, path [T_R]"] = ", ".join(
-                text(name, one, STABLE) for one in ("gpudem half_step", "gpudem path")
-            )
-            tr = stability.STEP / p.spot.share
-            c = stability.floor_bodies(p.spot)
-            line["T_R / contact time"] = f"{tr / stability.contact_time(c, p.normal):.2f}"
+            within = (text(name, one.title, STABLE) for one in (HALF, PATH))
+            line["within 1 %: half_step, path [T_R]"] = ", ".join(within)
+            ratio = stability.STEP / p.share / stability.contact_time(p.spot, p.normal)
+            line["T_R / contact time"] = f"{ratio:.2f}"
         found.append(line)
     return pandas.DataFrame(found).fillna("")
 
 
 def costs(results: Results) -> pandas.DataFrame:
-    """Error of head-on Hertz impacts at usual steps, and time a ball and step, of each who."""
+    """Error of head-on Hertz impacts at usual steps, and time for a ball and a step, by configuration."""
     import pandas
 
-    rows = []
-    for who, (suffix, code, _) in WHO.items():
-        key = (f"impact_hertz-{suffix}", code)
-        if key not in results.runs:
-            continue
-        run, row = results[key], {"by": who}
+    found = []
+    for one in CONFIGURATIONS.among(results.codes()):
+        run = one.run(results, "impact_hertz")
+        row = {"by": one.title}
         for e in (0.3, 0.5, 0.9):
-            mine = [p.spot for p in points(results) if p.who == who and p.normal == "hertz"]
-            mine = [s for s in mine if s.kind == "impact" and s.restitution == e and not s.friction]
+            spots = [
+                s
+                for s in sweeps(results.tier, "hertz")["impact"][1]
+                if (s.restitution, s.friction) == (e, 0.0)
+            ]
             for share in (0.05, 0.1, 0.2):
-                spot = min(mine, key=lambda s: abs(math.log(s.share / share)))
+                spot = min(spots, key=lambda s: abs(math.log(s.share / share)))
                 row[f"e = {e:g}, {share:g} T_R"] = number(stability.rebound(run, spot)[1], 2)
         row["us a ball and step"] = f"{1e6 / run.timing.rate:.2f}"
-        rows.append(row)
-    return pandas.DataFrame(rows)
+        found.append(row)
+    return pandas.DataFrame(found)
 
 
 def advice(results: Results) -> pandas.DataFrame:
-    """Which step to use, in sentences with the numbers of this run."""
+    """Which step to use, in one sentence with the numbers of this run."""
     import pandas
 
-    unstable = [p for p in points(results) if p.found == UNSTABLE]
-
     def least(kind: str) -> str:
-        found = [p for p in unstable if p.spot.kind == kind and p.normal == "hertz"]
+        found = [
+            p for p in points(results)
+            if p.found == UNSTABLE and p.spot.kind == kind and p.normal == "hertz"
+        ]  # fmt: skip
         if not found:
             return "not run"
         p = min(found, key=lambda p: p.share)
-        return f"{p.share:.2g} ({p.row.partition(': ')[2]}, {p.who})"
+        return f"{p.share:.2g} ({p.row.partition(': ')[2]}, {p.by})"
 
     half, path = (
-        bracket(results, "hertz: impact, e = 0.5, head-on", who, STABLE)[1] for who in list(WHO)[:2]
+        bracket(results, "hertz: impact, e = 0.5, head-on", one.title, STABLE)[1] for one in (HALF, PATH)
     )
     text = (
-        "Take a tenth of the Rayleigh time: the first to become unstable are a single ball at rest at"
-        f" {least('rest')} of it, a column at {least('column')}, a bed at {least('bed')}; impacts gain energy"
-        f" from {least('impact')} on, and where there is damping the rebound is off long before: at e = 0.5"
-        f" 1 % takes a step below {half:.2g} of it with half_step, as in LIGGGHTS, and below {path:.2g} with"
-        " path."
+        "Use a tenth of the Rayleigh time. The smallest steps that are unstable, as multiples of it: a single"
+        f" ball at rest {least('rest')}, a column {least('column')}, a bed {least('bed')}, impacts"
+        f" {least('impact')}. With damping, accuracy limits the step earlier: at e = 0.5 a rebound within 1 %"
+        f" needs less than {half:.2g} with half_step, as in LIGGGHTS, and less than {path:.2g} with path."
     )
-    rows = [("step", text)]
-    return pandas.DataFrame(rows, columns=["choose", "by"])
+    return pandas.DataFrame([("step", text)], columns=["choose", "by"])
