@@ -52,7 +52,7 @@ class Configurations:
     """
 
     def __init__(self, *own: Configuration, timed_on: int | None = None):
-        """`timed_on`: cores of runs that are timed; no output of an earlier run stands in for these."""
+        """`timed_on`: the runs are timed, on so many cores; no earlier output stands in for them."""
         self.own, self.timed_on = own, timed_on
 
     def of(self, code: str) -> tuple[Configuration, ...]:
@@ -84,7 +84,7 @@ class Configurations:
             return {**timed, **one.options}
 
         shared = {code: options(self.of(code)[0]) for code in codes.stepped(tuple(codes.CODES))}
-        made = Variant(label, scene, options=shared, **more)
+        made = Variant(label, scene, options=shared, timed=self.timed_on is not None, **more)
         return [made] + [
             dataclasses.replace(
                 made, label=one.key(label)[0], codes=(one.code,), options={one.code: options(one)}

@@ -43,8 +43,8 @@ class Extreme:
     """Largest error against the closed form, relative; a run without one has a wrong number."""
     tolerance: float
     reason: str
-    alone: bool = False
-    """Also through LIGGGHTS as it is, without our guards."""
+    unguarded: bool = False
+    """Also through LIGGGHTS without the guards of our decks and runner."""
 
 
 class Builder:
@@ -151,7 +151,7 @@ def fast(speed: float, step: float) -> Extreme:
     )  # fmt: skip
     return Extreme(
         f"fast_{speed:g}", f"impact at {speed:g} m/s on 5 MPa: overlap beyond the radius", scene,
-        rebound_error([(row, None, RESTITUTION)]), 2e-3, FIRST, alone=True,
+        rebound_error([(row, None, RESTITUTION)]), 2e-3, FIRST, unguarded=True,
     )  # fmt: skip
 
 
@@ -238,7 +238,7 @@ def concentric() -> Extreme:
         b.ball("ball", R, (0, 0, 5 * R), (0, 0, 0))
     return Extreme(
         "concentric", "two balls at one place", b.scene("concentric", allow=("overlap",)),
-        lambda run: math.nan, 0.0, "nothing can come out: a run to the end is wrong", alone=True,
+        lambda run: math.nan, 0.0, "nothing can come out: a run to the end is wrong", unguarded=True,
     )  # fmt: skip
 
 
@@ -376,7 +376,7 @@ def leaves() -> Extreme:
     scene = b.scene("leaves", time=Time(step=1e-5, duration=0.02), output=Output(trace_every=0.02))
     return Extreme(
         "leaves", "flies out of the domain", scene, lambda run: math.nan, 0.0,
-        "it is gone: a run to the end is wrong", alone=True,
+        "it is gone: a run to the end is wrong", unguarded=True,
     )  # fmt: skip
 
 

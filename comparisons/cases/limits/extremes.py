@@ -1,14 +1,26 @@
-"""The ends of what a DEM user may state: what comes out, how far off, and what the user is told."""
+"""Scenes at the ends of what can be stated: the result, its error, and the message that the user gets."""
 
 from __future__ import annotations
 
 import functools
-import math
 from typing import TYPE_CHECKING
 
-from comparisons.cases.limits import extreme_scenes as extremes
+from comparisons.cases.limits import extreme_scenes
 from comparisons.cases.limits.extreme_scenes import Extreme
-from comparisons.harness.case import Case, Check, Measured, Results, Table, Tier, Variant
+from comparisons.harness import codes
+from comparisons.harness.case import (
+    Case,
+    Check,
+    Finding,
+    Measured,
+    PerPair,
+    Results,
+    Table,
+    Tier,
+    Variant,
+    largest,
+)
+from comparisons.harness.configurations import Configuration, Configurations, precisions
 from comparisons.harness.numbers import number
 from comparisons.metrics.trace import largest_difference
 from gpudem.scene import checks as scene_checks
@@ -16,14 +28,11 @@ from gpudem.scene import checks as scene_checks
 if TYPE_CHECKING:
     import pandas
 
-CODES = ("gpudem", "liggghts")
-PRECISIONS = ("float64", "mixed", "float32")
-#: Who ran a scene -> (label suffix, code, arguments of its run function).
-WHO = {p: (p, "gpudem", {"precision": p}) for p in PRECISIONS} | {
-    "LIGGGHTS": ("liggghts", "liggghts", {"use_recorded": False}),
-    "LIGGGHTS alone": ("alone", "liggghts", {"deviation": "unguarded"}),
-}
-#: In the quick tier only scenes in which codes and precisions may part; tests/comparisons/test_extremes.py
+CONFIGURATIONS = Configurations(*precisions())
+DOUBLE, MIXED, SINGLE = CONFIGURATIONS.own
+#: LIGGGHTS without the guards of our decks and of our runner, as a user starts it.
+UNGUARDED = Configuration("LIGGGHTS unguarded", "liggghts", {"deviation": "unguarded"}, label="unguarded")
+#: In the quick tier only scenes in which codes and precisions may differ; tests/comparisons/test_extremes.py
 #: runs all through gpudem.
 QUICK = ("fast_30", "concentric", "leaves", "dead", "far", "edge")
 
@@ -31,7 +40,7 @@ QUICK = ("fast_30", "concentric", "leaves", "dead", "far", "edge")
 @functools.cache
 def scenes() -> tuple[Extreme, ...]:
     """All extremes, made once."""
-    return tuple(extremes.extremes())
+    return tuple(extreme_scenes.extremes())
 
 
 def chosen(tier: Tier) -> list[Extreme]:
@@ -42,89 +51,75 @@ def chosen(tier: Tier) -> list[Extreme]:
 def variants(tier: Tier) -> list[Variant]:
     made = []
     for x in chosen(tier):
-        for who, (suffix, code, arguments) in WHO.items():
-            if who == "LIGGGHTS alone" and not x.alone:
-                continue
-            label = f"{x.name}-{suffix}"
-            made.append(Variant(label, x.scene, (code,), {code: arguments}, may_end=True))
+        made += CONFIGURATIONS.variants(x.name, x.scene, may_end=True)
+        if x.unguarded:
+            label, code = UNGUARDED.key(x.name)
+            made.append(Variant(label, x.scene, (code,), {code: UNGUARDED.options}, may_end=True))
     return made
 
 
-def found(results: Results, x: Extreme, who: str) -> tuple[float | None, str]:
-    """(error, "") of a run that came to its end; (None, what was said) of one that did not; (None, "") of
-    one that is not there.
+def found(results: Results, x: Extreme, one: Configuration) -> tuple[float | None, str]:
+    """(error, "") of a run that came to its end; (None, its message) of one that did not; (None, "") of one
+    that is not there.
     """
-    suffix, code, _ = WHO[who]
-    key = (f"{x.name}-{suffix}", code)
+    key = one.key(x.name)
     if key in results.ended:
-        return None, _first(results.ended[key])
+        text = results.ended[key]
+        return None, text.splitlines()[0] if "cannot state" not in text else " ".join(text.split())
     if key not in results.runs:
         return None, ""
     run = results[key]
-    if who == "LIGGGHTS alone":
+    if one is UNGUARDED:
         n = run.notes
         what = [f"{n['lost']} of {run.timing.particles} lost"] * (n["lost"] != 0) + ["NaN"] * n["nan"]
         return None, f"exit status {n['exit_status']}, {', '.join(what) or 'no sign'}, no message"
     return results.once(("error", key), lambda: x.error(run)), ""
 
 
-def _first(text: str) -> str:
-    return text.splitlines()[0] if "cannot state" not in text else " ".join(text.split())
-
-
-def unsaid(results: Results, precision: str) -> Measured:
-    """Runs that came to their end with a wrong number and without a word."""
-    wrong = []
-    for x in chosen(results.tier):
-        error, said = found(results, x, precision)
-        run = results.runs.get((f"{x.name}-{precision}", "gpudem"))
-        # what the scene alone is warned of says nothing of the result
+def silent_errors(results: Results, one: Configuration) -> Measured:
+    """Runs of gpudem that came to their end with a wrong number and without a message."""
+    wrong, tier = [], chosen(results.tier)
+    for x in tier:
+        error, message = found(results, x, one)
+        run = results.runs.get(one.key(x.name))
+        # a warning about the scene alone says nothing about the result
         warned = run is not None and bool(set(run.warnings) - set(scene_checks.scene_warnings(run.scene)))
-        if error is None and not said:
+        if error is None and not message:
             wrong.append(f"{x.name}: not run")
         elif error is not None and not error <= x.tolerance and not warned:
             wrong.append(f"{x.name}: {error:.2g}")
-    return Measured(float(len(wrong)), note=f"{len(chosen(results.tier))} scenes; " + "; ".join(wrong))
+    return Measured(float(len(wrong)), note=f"{len(tier)} scenes; " + "; ".join(wrong))
 
 
 def mixed(results: Results) -> Measured:
     """Largest difference of the error in mixed and in float64."""
     apart = {}
     for x in chosen(results.tier):
-        errors = [found(results, x, p)[0] for p in ("float64", "mixed")]
-        if None not in errors:
-            apart[x.name] = abs(errors[0] - errors[1])  # type: ignore[operator]
-    name = max(apart, key=lambda n: apart[n])
-    return Measured(apart[name], note=f"{len(apart)} scenes; largest in {name}")
+        double, single = (found(results, x, one)[0] for one in (DOUBLE, MIXED))
+        if double is not None and single is not None:
+            apart[x.name] = abs(double - single)
+    return largest(apart, f"{len(apart)} scenes")
 
 
-def same(results: Results) -> Measured:
-    """Largest difference of the last velocities of gpudem float64 and LIGGGHTS / the largest at the start."""
+def same(results: Results, code: str, other: str) -> Measured:
+    """Largest difference of the last velocities of two codes [m/s]."""
     apart = {}
     for x in chosen(results.tier):
-        runs = [
-            results.runs.get((f"{x.name}-{s}", c)) for s, c in (("float64", "gpudem"), WHO["LIGGGHTS"][:2])
-        ]
+        runs = [results.runs.get((x.name, c)) for c in (code, other)]
         if all(runs):
-            first, second = (run.trace["velocity"] for run in runs if run and run.trace)
-            apart[x.name] = largest_difference(first[-1:], second[-1:], 1.0)
-    name = max(apart, key=lambda n: math.inf if math.isnan(apart[n]) else apart[n])
-    return Measured(apart[name], note=f"{len(apart)} scenes; largest in {name}")
+            first, second = (run.trace["velocity"][-1:] for run in runs if run)
+            apart[x.name] = largest_difference(first, second, 1.0)
+    return largest(apart, f"{len(apart)} scenes")
 
 
-def float32_fails(results: Results) -> Measured:
-    """Scenes that come out wrong in float32 without a word: what the mode is not for."""
-    return unsaid(results, "float32")
-
-
-def silent(results: Results) -> Measured:
-    """Runs of LIGGGHTS as it is that went wrong at exit status 0 without a message: particles lost, NaN, or
-    (read from the same run behind our runner) a wrong number.
+def unguarded_errors(results: Results) -> Measured:
+    """Runs of LIGGGHTS, unguarded, that went wrong with exit status 0 and no message: particles lost, NaN, or
+    (read from the guarded run) a wrong number.
     """
     names = []
     for x in chosen(results.tier):
-        run = results.runs.get((f"{x.name}-alone", "liggghts"))
-        error, _ = found(results, x, "LIGGGHTS")
+        run = results.runs.get(UNGUARDED.key(x.name))
+        error, _ = found(results, x, CONFIGURATIONS.of(UNGUARDED.code)[0])
         wrong = error is not None and not error <= x.tolerance
         if run and run.notes["exit_status"] == 0 and not run.notes["errors"]:
             what = ["lost"] * bool(run.notes["lost"]) + ["NaN"] * run.notes["nan"] + ["wrong"] * wrong
@@ -133,37 +128,59 @@ def silent(results: Results) -> Measured:
 
 
 def table(results: Results) -> pandas.DataFrame:
-    """One row a scene: error by precision and code, or what was said."""
+    """One row a scene: error by configuration, or the message."""
     import pandas
 
     rows = []
+    columns = CONFIGURATIONS.among(results.codes())
+    columns += [UNGUARDED] * (UNGUARDED.code in results.codes())
     for x in chosen(results.tier):
         row: dict[str, object] = {"extreme": x.title}
-        for who in WHO:
-            error, said = found(results, x, who)
-            text = said if error is None else number(error, 2)
+        for one in columns:
+            error, message = found(results, x, one)
+            row[one.title] = message if error is None else number(error, 2)
             if error is not None and not error <= x.tolerance:
-                text += ": wrong, no message"
-            row[who if who.startswith("LIGGGHTS") else f"gpudem {who}"] = text
+                row[one.title] = f"{number(error, 2)}: wrong, no message"
         rows.append(row)
     return pandas.DataFrame(rows)
 
 
 def advice(results: Results) -> pandas.DataFrame:
-    """How far from the origin, how fast, how unequal, in a sentence with the numbers of this run."""
+    """How far from the origin and how fast, in a sentence with the numbers of this run."""
     import pandas
 
-    def said(name: str, who: str) -> str:
+    def outcome(name: str, one: Configuration) -> str:
         x = next(x for x in scenes() if x.name == name)
-        error, words = found(results, x, who)
-        return f"is off by {number(error, 1)}" if error is not None else f"ends: {words}"
+        error, message = found(results, x, one)
+        return f"is off by {number(error, 1)}" if error is not None else f"ends: {message}"
 
     text = (
-        f"1 km from the origin the rebound of a 3 mm ball {said('far', 'float64')} in float64, as near it,"
-        f" and {said('far', 'mixed')} in mixed; float32 {said('far', 'float32')}. An impact so fast that the"
-        f" overlap passes the radius (30 m/s on 5 MPa) {said('fast_30', 'float64')}."
+        f"1 km from the origin the rebound of a 3 mm ball {outcome('far', DOUBLE)} in float64, as near it,"
+        f" and {outcome('far', MIXED)} in mixed; float32 {outcome('far', SINGLE)}. An impact so fast that the"
+        f" overlap exceeds the radius (30 m/s on 5 MPa) {outcome('fast_30', DOUBLE)}."
     )
     return pandas.DataFrame([("distance, speed", text)], columns=["choose", "by"])
+
+
+def _silent(one: Configuration) -> Check:
+    return Check(
+        name=f"wrong numbers without a message ({one.options['precision']})",
+        measure=lambda results: silent_errors(results, one), tolerance=0.0, unit="scenes",
+        against="closed form", mark="A",
+        reason="each scene ends within its tolerance (the order of the scheme) or with a message",
+        catches="a ball that passes through a wall, NaN that is written on, a lost particle, a normal of two"
+        " concentric balls, an edge or corner counted once",
+    )  # fmt: skip
+
+
+def _same(code: str, other: str) -> Check:
+    return Check(
+        name="last velocities, largest difference [m/s]",
+        measure=lambda results: same(results, code, other), tolerance=1e-9, unit="m/s",
+        against=codes.title(other), mark="X", needs=(code, other),
+        reason="same law and scheme: rounding, at speeds of about 1 m/s",
+        catches="another treatment of a large friction, a small restitution or unequal balls",
+    )  # fmt: skip
 
 
 CASE = Case(
@@ -171,58 +188,41 @@ CASE = Case(
     title="Extremes and traps",
     purpose=(
         "Speeds, sizes, densities, restitution and friction at the ends of what may be stated, powder and"
-        " boulders, a scene far from the origin, and the traps of flat geometry. Of each it is known by"
-        " closed form what must come out. A code may do it, or refuse; what it may not do is go on without a"
-        " word. LIGGGHTS is shown twice: behind our runner, which reads what it prints, and alone, as a user"
-        " starts it."
+        " boulders, a scene far from the origin, and the traps of flat geometry. The result of each is known"
+        " in closed form. A code may compute it or refuse; it must not continue without a message. LIGGGHTS"
+        " is shown twice: with the guards of our decks and runner, and unguarded, as a user starts it."
     ),
     source="Restitution of the law, statics, and the contact ODE (DOP853, rtol 1e-13) from primary inputs.",
     variants=variants,
     checks=(
-        *(
-            Check(
-                name=f"wrong numbers without a message ({p})",
-                measure=lambda results, p=p: unsaid(results, p), tolerance=0.0, unit="scenes",
-                against="closed form", mark="A",
-                reason="each scene comes out within its tolerance (the order of the scheme) or ends with a"
-                " message",
-                catches="a ball that goes through a wall, NaN that is written on, a lost particle, a normal"
-                " of two concentric balls, an edge or corner counted once",
-            )
-            for p in ("float64", "mixed")
-        ),
+        _silent(DOUBLE),
+        _silent(MIXED),
         Check(
             name="error in mixed less error in float64, largest",
             measure=mixed, tolerance=1e-5, unit="1", against="float64", mark="R",
             reason="forces carry 6e-8, a contact adds up some hundred of them",
             catches="a position, a velocity or an overlap rounded to float32",
         ),
-        Check(
-            name="scenes that come out wrong in float32 at the end of a run",
-            measure=float32_fails, tolerance=math.inf, lo=1.0, unit="scenes", against="closed form", mark="A",
-            reason="float32 is for soft contacts near the origin alone: shown failing where it fails",
-            catches="a float32 mode that is not float32",
+        PerPair(_same),
+    ),
+    findings=(
+        Finding(
+            "scenes that come out wrong in float32 at the end of a run",
+            lambda results: silent_errors(results, SINGLE), "scenes",
+            "float32 is for soft contacts near the origin only.",
         ),
-        Check(
-            name="last velocities, largest difference [m/s]",
-            measure=same, tolerance=1e-9, unit="m/s", against="LIGGGHTS", mark="X", needs=CODES,
-            reason="same law, same scheme: rounding, at speeds of about 1 m/s",
-            catches="another treatment of a large friction, a small restitution or unequal balls",
-        ),
-        Check(
-            name="LIGGGHTS as it is: runs gone wrong with exit status 0 and no message",
-            measure=silent, tolerance=math.inf, lo=3.0, unit="runs", against="nobody", mark="X",
-            needs=("liggghts",),
-            reason="NaN of concentric balls, a ball that leaves the domain, one that falls through a floor",
-            catches="a report that promises silent failures where there are none",
+        Finding(
+            "LIGGGHTS as it is: runs gone wrong with exit status 0 and no message", unguarded_errors, "runs",
+            "Concentric balls, a ball that leaves the domain, one that falls through a floor.",
+            needs=(UNGUARDED.code,),
         ),
     ),
     tables=(
         Table("How far, how fast", "Numbers of this run.", advice, section="advice"),
         Table(
-            "Extremes: error, or what the user is told",
+            "Extremes: error, or the message",
             "Largest error against the closed form (relative to impact speed, restitution or overlap).",
-            table, needs=CODES, section="limits",
+            table, section="limits",
         ),
     ),
     features=(
