@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -244,7 +244,7 @@ def earlier(out: Path) -> Bench:
         raise GpudemError(f"--append: {out}: not written by `gpudem bench`: {error!r}") from None
 
 
-def _continued(out: Path, data: dict[str, Any], now: dict[str, Any]) -> Bench:
+def _continued(out: Path, data: dict[str, Any], now: Mapping[str, Any]) -> Bench:
     for what in ("commit", "hardware"):
         if data["provenance"][what] != now[what]:
             raise GpudemError(

@@ -275,12 +275,15 @@ def _found(result: Comparison, directory: Path) -> None:
 def report(directory: Path) -> int:
     """Rebuild report.html and junit.xml of a comparison from its stored results; no code runs."""
     from comparisons.harness import results
+    from comparisons.harness.evaluate import describe
     from comparisons.report import junit, page
 
     comparison = results.load(directory)
     try:
         junit.write(comparison, directory)
         click.echo(page.write(comparison, directory))
+    except (ArithmeticError, LookupError, ValueError) as error:  # of the schema, and yet nothing to show
+        raise GpudemError(f"{directory}: its results cannot be shown: {describe(error)}") from error
     except OSError as error:
         raise GpudemError(f"{directory}: cannot write there: {error.strerror}") from None
     return 0

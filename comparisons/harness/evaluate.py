@@ -149,7 +149,7 @@ class Evaluation:
             path.parent.mkdir(parents=True, exist_ok=True)
             with plots.look():
                 drawn = figure.draw(self._results(figure.needs))
-                path.write_text(svg.of(drawn, f"{self.case.name}-{stem}"))
+                path.write_text(svg.of(drawn))
             return str(path.relative_to(root))
 
         return self._artefact("figure", figure, number, write)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 import sys
 import time
 from collections.abc import Callable
@@ -151,7 +152,7 @@ def quantity(x: float) -> str:
 
 def duration(seconds: float) -> str:
     """Wall-clock time as people say it: "0.42 s", "12 s", "3 min 05 s", "2 h 10 min"."""
-    if seconds < 10:
+    if seconds < 10 or not math.isfinite(seconds):
         return f"{seconds:.2g} s"
     whole = round(seconds)
     if whole < 60:

@@ -10,13 +10,13 @@ import subprocess
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
+from comparisons.harness.results import Hardware, Provenance
 from gpudem.kernel_cache import kernel_cache
 from gpudem.scene import Scene
 
 
-def collect(command: list[str] | None = None) -> dict[str, Any]:
+def collect(command: list[str] | None = None) -> Provenance:
     """Provenance of a comparison made now. What cannot be told is said to be unknown."""
     packages = {d.metadata["Name"]: d.version for d in importlib.metadata.distributions()}
     frozen = "\n".join(f"{name}=={packages[name]}" for name in sorted(packages, key=str.lower))
@@ -65,7 +65,7 @@ def commit() -> tuple[str, bool]:
         return "unknown", False
 
 
-def hardware() -> dict[str, Any]:
+def hardware() -> Hardware:
     """CPU model, cores this process may use, memory [GiB], GPUs."""
     import psutil
 

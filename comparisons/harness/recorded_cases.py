@@ -8,13 +8,12 @@ tier shows it beside the case, as recorded, with date, commit and machine. Figur
 from __future__ import annotations
 
 import dataclasses
-import re
 import shutil
 from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
-from comparisons.harness.results import Artefact, CaseResult, Comparison, Recorded
+from comparisons.harness.results import Artefact, CaseResult, Comparison, Origin, Recorded
 from gpudem.errors import GpudemError
 from gpudem.output.atomic import write_bytes
 
@@ -25,7 +24,10 @@ _FORM = TypeAdapter(Recorded)
 
 def keep(comparison: Comparison, directory: Path, folder: Path = FOLDER) -> list[Path]:
     """Write the finished cases of a comparison that lies in a directory, one file each; returns the files."""
-    facts = {k: v for k, v in comparison.provenance.items() if k in ("commit", "dirty", "date", "hardware")}
+    made = comparison.provenance
+    facts = Origin(
+        commit=made["commit"], dirty=made["dirty"], date=made["date"], hardware=made["hardware"]
+    )  # fmt: skip
     written = []
     for case in comparison.cases:
         if case.status != "done":
@@ -48,7 +50,7 @@ def keep(comparison: Comparison, directory: Path, folder: Path = FOLDER) -> list
 
 
 def _artefacts(case: CaseResult, directory: Path, folder: Path) -> list[Artefact]:
-    """Copies of the figures and tables to be kept; a figure's ids are made its own anew."""
+    """Copies of the figures and tables to be kept."""
     shutil.rmtree(folder / case.name, ignore_errors=True)
     kept = []
     for item in case.artefacts:
@@ -57,10 +59,7 @@ def _artefacts(case: CaseResult, directory: Path, folder: Path) -> list[Artefact
         source = directory / item.file
         file = Path(case.name) / source.name
         (folder / case.name).mkdir(parents=True, exist_ok=True)
-        text = source.read_text()
-        if item.kind == "figure":
-            text = re.sub(r'( id="|url\(#|href="#)', r"\g<1>recorded-", text)
-        (folder / file).write_text(text)
+        shutil.copyfile(source, folder / file)
         kept.append(dataclasses.replace(item, file=str(file)))
     return kept
 

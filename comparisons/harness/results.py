@@ -11,8 +11,13 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic.json_schema import GenerateJsonSchema
+from pydantic_core import from_json
+from typing_extensions import TypedDict  # that of typing: not for pydantic before Python 3.12
 
 from comparisons.harness.case import Mark, Section, Tier
+from comparisons.harness.folder import RESULTS as LARGEST
+from comparisons.harness.folder import Folder, Refused
 from comparisons.harness.numbers import number
 from gpudem.errors import GpudemError
 from gpudem.output.atomic import write_bytes
@@ -23,6 +28,38 @@ SCHEMA_VERSION = 1
 RESULTS = "results.json"
 
 Status = Literal["pass", "fail", "error", "left_out"]
+
+
+class Hardware(TypedDict):
+    """The machine; memory in GiB, cores that the process may use, names of the CUDA devices."""
+
+    cpu: str
+    cores: int
+    memory_gib: float
+    gpus: list[str]
+
+
+class Origin(TypedDict):
+    """Commit, when and where."""
+
+    commit: str
+    """Short hash; "unknown" outside a checkout of the project."""
+    dirty: bool
+    """With uncommitted changes."""
+    date: str
+    """UTC, ISO 8601."""
+    hardware: Hardware
+
+
+class Provenance(Origin):
+    """Where and with what a comparison was made."""
+
+    command: str
+    python: str
+    os: str
+    packages: dict[str, str]
+    """Version by name."""
+    packages_sha256: str
 
 
 @dataclasses.dataclass(frozen=True)
@@ -164,8 +201,7 @@ class Recorded:
     """What an earlier, longer run of a case found, kept in the project."""
 
     tier: Tier
-    provenance: dict[str, Any]
-    """commit, dirty, date and hardware."""
+    provenance: Origin
     versions: dict[str, str]
     """By code."""
     wall_s: float
@@ -212,7 +248,7 @@ class Comparison:
     """UTC, ISO 8601."""
     written: str
     """When this was written, UTC."""
-    provenance: dict[str, Any]
+    provenance: Provenance
     cases: list[CaseResult]
     checks: list[CheckResult] = dataclasses.field(default_factory=list)
     findings: list[FindingResult] = dataclasses.field(default_factory=list)
@@ -250,29 +286,48 @@ class Comparison:
 
     def save(self, directory: Path) -> None:
         """Write results.json, whole or not at all."""
-        data = TypeAdapter(Comparison).dump_json(self, indent=1)
+        data = _FORM.dump_json(self, indent=1)
         write_bytes(directory / RESULTS, data)
 
 
-def load(directory: Path) -> Comparison:
-    """Read DIRECTORY/results.json. Raises GpudemError if it is missing, broken or of another schema."""
-    import json
+_FORM = TypeAdapter(Comparison)
 
+
+def load(directory: Path) -> Comparison:
+    """Read DIRECTORY/results.json, which may come from anybody: all of it is checked.
+
+    Raises GpudemError: missing, too large, not JSON (also nested too deeply), of another schema, or a value
+    that is not of it; names the first such value.
+    """
     path = directory / RESULTS
     try:
-        data = json.loads(path.read_text())
-    except OSError as error:
-        raise GpudemError(
-            f"{path}: cannot read ({error.strerror}); is this the folder of a comparison?"
-        ) from None
+        data = from_json(Folder(directory).read(RESULTS, LARGEST))
+    except Refused as error:
+        raise GpudemError(f"{directory}: {error}; is this the folder of a comparison?") from None
     except ValueError as error:
         raise GpudemError(f"{path}: not JSON: {error}") from None
     version = data.get("schema_version") if isinstance(data, dict) else None
     if version != SCHEMA_VERSION:
-        raise GpudemError(f"{path}: schema {version}; this gpudem reads schema {SCHEMA_VERSION}")
+        raise GpudemError(f"{path}: schema {version!r:.40}; this gpudem reads schema {SCHEMA_VERSION}")
     try:
-        return TypeAdapter(Comparison).validate_python(data)
+        return _FORM.validate_python(data)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"]))
         raise GpudemError(f"{path}: {where}: {first['msg']} ({error.error_count()} problems)") from None
+
+
+class _Schema(GenerateJsonSchema):
+    """Numbers as they are written: JSON has no NaN and no infinity, which stand as strings."""
+
+    def float_schema(self, schema: Any) -> dict[str, Any]:
+        return {"anyOf": [super().float_schema(schema), {"enum": ["NaN", "Infinity", "-Infinity"]}]}
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON schema (draft 2020-12) of results.json, made from the dataclasses above."""
+    made = _FORM.json_schema(mode="serialization", schema_generator=_Schema)
+    title = f"results.json of gpudem, schema {SCHEMA_VERSION}"
+    constant = {"const": SCHEMA_VERSION, "type": "integer"}
+    made["properties"]["schema_version"] = constant
+    return {"$schema": GenerateJsonSchema.schema_dialect, **made, "title": title}

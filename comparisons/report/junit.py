@@ -30,7 +30,7 @@ def xml(comparison: Comparison) -> bytes:
             tag + "s" if tag != "skipped" else tag: sum(c.status == s for c in checks)
             for s, tag in _TAGS.items()
         }
-        counts = {"name": case.name, "tests": len(checks), "time": f"{case.wall_s:.3f}", **tally}
+        counts = {"name": _legal(case.name), "tests": len(checks), "time": f"{case.wall_s:.3f}", **tally}
         suite = ElementTree.SubElement(root, "testsuite", {k: str(v) for k, v in counts.items()})
         facts = comparison.provenance
         _properties(
@@ -44,7 +44,7 @@ def xml(comparison: Comparison) -> bytes:
 
 def _testcase(suite: ElementTree.Element, check: CheckResult) -> None:
     test = ElementTree.SubElement(
-        suite, "testcase", classname=f"gpudem.{check.case}", name=_legal(check.name)
+        suite, "testcase", classname=_legal(f"gpudem.{check.case}"), name=_legal(check.name)
     )
     fields = (
         "value",

@@ -1,4 +1,4 @@
-"""Matplotlib figures as small SVG that stand in one HTML page with others: text as text, ids of their own."""
+"""Matplotlib figures as small SVG images: text as text, in the fonts of the page."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ DENSE = 4000
 DPI = 150
 #: A figure wider than this [CSS pixels] takes a row of the page alone.
 WIDE = 640
-NAMESPACES = 'xmlns:xlink="http://www.w3.org/1999/xlink" xmlns="http://www.w3.org/2000/svg"'
+#: As in style.css.
+FONTS = "system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue',Arial,'DejaVu Sans',sans-serif"
 
 
-def of(figure: Figure, prefix: str) -> str:
-    """The figure as an <svg> element, its ids prefixed; the figure is closed."""
+def of(figure: Figure) -> str:
+    """The figure as an SVG document; the figure is closed."""
     import matplotlib as mpl
     import matplotlib.pyplot as plt
 
     _rasterise_dense(figure)
     text = io.StringIO()
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": prefix, "path.simplify": True}):
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "gpudem", "path.simplify": True}):
         figure.savefig(
             text,
             format="svg",
@@ -37,33 +38,30 @@ def of(figure: Figure, prefix: str) -> str:
             metadata={"Date": None, "Creator": None},
         )
     plt.close(figure)
-    return clean(text.getvalue(), re.sub(r"[^A-Za-z0-9]+", "-", prefix))
+    return small(text.getvalue())
 
 
-def clean(svg: str, prefix: str) -> str:
-    """Only the <svg> element; unused ids dropped, the others prefixed; pictures made small."""
+def small(svg: str) -> str:
+    """The same picture in fewer bytes, its text in the fonts of the page (an image sees no style of it)."""
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", svg, flags=re.S)
-    used = set(re.findall(r'(?:url\(#|href="#)([^)"]+)', svg))
-
-    def keep(match: re.Match) -> str:
-        return f' id="{prefix}-{match[1]}"' if match[1] in used else ""
-
-    svg = re.sub(r'\sid="([^"]+)"', keep, svg)
-    svg = re.sub(r'(url\(#|href="#)', rf"\g<1>{prefix}-", svg)
+    svg = re.sub(r'<g id="[^"]+"', "<g", svg)  # matplotlib refers to clip paths, markers and images alone
     svg = re.sub(r'href="data:image/png;base64,([^"]+)"', _smaller, svg)
-    svg = re.sub(
-        r"\s*image-rendering:\s*[a-z-]+;?", "", svg
-    )  # a browser that scales a picture should smooth it
-    svg = re.sub(r"\n\s+", "\n", svg)
-    match = re.search(r'<svg [^>]*?width="([\d.]+)pt"[^>]*?viewBox="([^"]+)"[^>]*>', svg)
-    if match is None:
-        raise ValueError("an SVG without width and viewBox")
-    # The page scales a figure to its column; the natural width keeps it from growing beyond.
-    width = float(match[1]) * 4 / 3
-    kind = "plot wide" if width > WIDE else "plot"
-    head = f'<svg viewBox="{match[2]}" class="{kind}" style="--w:{width:.0f}px" role="img" {NAMESPACES}>'
-    return re.sub(r"[ \t]+\n", "\n", svg.replace(match[0], head, 1))
+    # a browser that scales a picture should smooth it
+    svg = re.sub(r"\s*image-rendering:\s*[a-z-]+;?", "", svg)
+    svg = re.sub(r"\s*\n\s*", "\n", svg)
+    return re.sub(
+        "(<svg[^>]*>)", rf"\1<style>text,tspan{{font-family:{FONTS}!important}}</style>", svg, count=1
+    )
+
+
+def size(svg: str) -> tuple[int, int]:
+    """Natural width and height [CSS pixels]; those of a plain figure where the text does not state them."""
+    box = re.search(r'<svg\b[^>]{0,1000}?viewBox="0 0 (\d{1,5})(?:\.\d+)? (\d{1,5})(?:\.\d+)?"', svg[:4000])
+    if box is None:
+        return WIDE, WIDE * 2 // 3
+    width, height = (round(int(points) * 4 / 3) for points in box.groups())
+    return width, height
 
 
 def _rasterise_dense(figure: Figure) -> None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import csv
 import dataclasses
 import functools
+import io
 import math
 import re
 from pathlib import Path
 
 from comparisons.harness import codes
+from comparisons.harness.folder import DECK, Folder, Refused
 from comparisons.harness.numbers import DASH, MINUS, number
 from comparisons.harness.results import (
     CaseResult,
@@ -67,7 +69,7 @@ class View:
     words, marks = WORDS, MARKS
 
     def __init__(self, comparison: Comparison, directory: Path):
-        self.comparison, self.directory = comparison, directory
+        self.comparison, self.folder = comparison, Folder(directory)
 
     # -- verdict ---------------------------------------------------------------------------------------------
 
@@ -183,23 +185,22 @@ class View:
         return [r for r in self.comparison.runs if r.case == case]
 
     def files(self, run: RunResult) -> list[tuple[str, str]]:
-        """(name, link relative to the page) of the files of a run."""
-        folder = self.directory / run.directory
-        found = {
-            p.name: f"{run.directory}/{p.name}"
-            for pattern in FILES
-            for p in sorted(folder.glob(pattern))
-            if p.is_file()
-        }
-        return list(found.items())
+        """(name, its place in the folder) of the files of a run; (why, "") where they may not be read."""
+        try:
+            return [(name.rpartition("/")[2], name) for name in self.folder.listed(run.directory, FILES)]
+        except Refused as error:
+            return [(str(error), "")]
 
     def decks(self, case: str) -> list[Deck]:
-        """The decks of a case, each text once."""
+        """The decks of a case, each text once; in place of one that is not read, why."""
         found: dict[str, str] = {}
         for run in self.runs_of(case):
-            for path in sorted((self.directory / run.directory).glob("deck*")):
-                if path.is_file():
-                    found.setdefault(path.read_text(errors="replace"), run.variant)
+            try:
+                for name in self.folder.listed(run.directory, ("deck*",)):
+                    text = self.folder.read(name, DECK).decode(errors="replace")
+                    found.setdefault(text, run.variant)
+            except Refused as error:
+                found.setdefault(str(error), run.variant)
         return [Deck(variant, text) for text, variant in list(found.items())[:MAX_DECKS]]
 
     def status_of(self, case: CaseResult) -> str:
@@ -223,12 +224,16 @@ def anchor(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9_-]+", "-", text)
 
 
-def read_table(path: Path) -> dict[str, list]:
-    """A CSV file as header and rows of text; numbers rounded for a reader, their full digits as the title."""
-    with path.open(newline="") as file:
-        lines = list(csv.reader(file))
-    rows = [[_cell(text) for text in line] for line in lines[1:]]
-    return {"header": lines[0] if lines else [], "rows": rows}
+def read_table(text: str) -> dict[str, list]:
+    """CSV as header and rows of text; numbers rounded for a reader, their full digits as the title.
+
+    Raises Refused where it is not CSV.
+    """
+    try:
+        lines = list(csv.reader(io.StringIO(text)))
+    except csv.Error as error:
+        raise Refused(f"not a table: {error}") from None
+    return {"header": lines[0] if lines else [], "rows": [[_cell(x) for x in line] for line in lines[1:]]}
 
 
 def _cell(text: str) -> tuple[str, str, bool]:

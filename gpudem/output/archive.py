@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import zipfile
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
 from gpudem.errors import GpudemError
 
 _NPY = b"\x93NUMPY"
+#: More than this [bytes], from a file a hundred times smaller, is refused before it fills the memory.
+_LARGE, _RATIO = 2**30, 100
 
 
 class ArchiveError(GpudemError):
@@ -22,7 +25,7 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
     Raises:
         ArchiveError: no such file, not readable, not an archive of arrays (also a .npy file under this name),
             truncated or corrupted, two arrays of one name, arrays of Python objects, more than fits in
-            memory.
+            memory, or a small file that unpacks to more than 1 GiB.
     """
     try:
         with path.open("rb") as file:  # np.load leaves a file open that it cannot read
@@ -32,6 +35,7 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
             if not zipfile.is_zipfile(file):
                 raise ArchiveError(f"{path}: not an .npz archive, or truncated")
             file.seek(0)
+            _require_plausible(path, file)
             with np.load(file, allow_pickle=False) as archive:
                 twice = [name for name in archive.files if archive.files.count(name) > 1]
                 if twice:
@@ -52,3 +56,15 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
         if not isinstance(array, np.ndarray):  # a member that is no .npy file comes as bytes
             raise ArchiveError(f"{path}: member {name!r} is not an array")
     return arrays
+
+
+def _require_plausible(path: Path, file: BinaryIO) -> None:
+    """Raises ArchiveError: unpacked, the archive is far larger than arrays of a simulation become."""
+    with zipfile.ZipFile(file) as archive:
+        unpacked = sum(member.file_size for member in archive.infolist())
+    packed = path.stat().st_size
+    if unpacked > max(_LARGE, _RATIO * packed):
+        raise ArchiveError(
+            f"{path}: {packed / 2**20:.1f} MiB that unpack to {unpacked / 2**30:.1f} GiB; not read"
+        )
+    file.seek(0)

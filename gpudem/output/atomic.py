@@ -42,6 +42,7 @@ def replacing(path: Path) -> Iterator[Path]:
     """
     partial = path.with_name(f"{_PREFIX}{path.name}{_SUFFIX}")
     try:
+        partial.unlink(missing_ok=True)  # also a link, through which one would write elsewhere
         yield partial
         partial.replace(path)
     except BaseException as error:

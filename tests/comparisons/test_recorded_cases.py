@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import re
 
 import pytest
 
@@ -65,8 +64,8 @@ def advising(recorded: bool = True):
     )  # fmt: skip
 
 
-def test_figures_and_tables_are_kept_with_ids_of_their_own(kept, tmp_path):
-    """Catches a record whose picture shares clip paths with the live one, or that is never shown."""
+def test_figures_and_tables_are_kept(kept, tmp_path):
+    """Catches a record without its picture, or with another one."""
     folder, long = tmp_path / "kept", tmp_path / "long"
     long.mkdir()
     session = execute.Session([advising()], long, tier="full")
@@ -74,11 +73,8 @@ def test_figures_and_tables_are_kept_with_ids_of_their_own(kept, tmp_path):
     found = recorded_cases.find("throw", folder)
     assert found is not None
     assert [a.kind for a in found.artefacts] == ["figure", "table"]
-    live = set(re.findall(r' id="([^"]+)"', next((long / "throw").rglob("*.svg")).read_text()))
-    kept = (folder / found.artefacts[0].file).read_text()
-    assert live
-    assert set(re.findall(r' id="([^"]+)"', kept)) == {f"recorded-{name}" for name in live}
-    assert set(re.findall(r'(?:url\(#|href="#)([^)"]+)', kept)) <= {f"recorded-{name}" for name in live}
+    live = next((long / "throw").rglob("*.svg")).read_text()
+    assert (folder / found.artefacts[0].file).read_text() == live
 
 
 def test_advice_stands_first_and_the_full_tier_speaks(kept, tmp_path, monkeypatch):

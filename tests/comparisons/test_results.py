@@ -67,7 +67,7 @@ def test_ratio(value, tolerance, lo, ratio):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (None, "cannot read"),
+        (None, r"results\.json is missing; is this the folder of a comparison"),
         ("{", "not JSON"),
         ("[]", "schema None; this gpudem reads schema 1"),
         ('{"schema_version": 99}', "schema 99"),
