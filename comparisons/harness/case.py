@@ -94,7 +94,9 @@ class Results:
     ended: dict[tuple[str, str], str] = dataclasses.field(default_factory=dict)
     """What a code said when it gave up a variant that may end early; such a variant has no run."""
     left_out: dict[tuple[str, str], str] = dataclasses.field(default_factory=dict)
-    """Runs that do not exist since the code is missing, cannot be given the scene, or failed: why."""
+    """Runs that do not exist since the code is missing or cannot be given the scene: why."""
+    failed: dict[tuple[str, str], str] = dataclasses.field(default_factory=dict)
+    """Runs that ended with an error of the code: why."""
 
     def __getitem__(self, key: tuple[str, str]) -> Run:
         return self.runs[key]

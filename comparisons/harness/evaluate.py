@@ -182,9 +182,9 @@ class Evaluation:
         failed, absent = (
             {key: why for key, why in of.items() if key[1] in needs} for of in (self.failed, self.absent)
         )
-        left_out = {**self.unstated, **self.absent, **self.failed}
+        left_out = {**self.unstated, **self.absent}
         runs = Runs(self.runs, failed, absent, self.unstated)
-        return Results(self.tier, runs, self._cache, self.ended, left_out)
+        return Results(self.tier, runs, self._cache, self.ended, left_out, self.failed)
 
     def _missing(self, item: Check | Finding | Figure | Table) -> tuple[Any, str]:
         away = [code for code in item.needs if code not in self.selected]

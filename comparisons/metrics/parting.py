@@ -20,6 +20,8 @@ FORCE_FLOOR = 1e-9
 ALONG = 0.9
 #: Relative distance from mu F_n at which a tangential force counts as being at the friction limit.
 AT_LIMIT = 1e-6
+#: Times of the trace over which the past of a contact is followed at most.
+MOST_AGE = 200
 
 
 @dataclasses.dataclass(frozen=True)
@@ -207,20 +209,45 @@ class _Cause:
         ratio = [t / n if n else float("nan") for t, n in zip(across, along, strict=True)]
         tangential = f"|F_t|/F_n = {ratio[0]:.6g} in {one}, {ratio[1]:.6g} in {two}"
         if share < 1 - ALONG:
-            return self.tangential(along, across, pair), tangential
-        normal_force = f"F_n = {along[0]:.6g} N in {one}, {along[1]:.6g} N in {two}"
+            return self.tangential(along, across, pair), tangential + self.age(partner)
+        normal_force = f"F_n = {along[0]:.6g} N in {one}, {along[1]:.6g} N in {two}{self.age(partner)}"
         if share > ALONG:
             return "normal force", normal_force
         return "normal force and tangential force", f"{normal_force}; {tangential}"
 
+    def age(self, partner: str) -> str:
+        """For how long the contact had lasted without a difference, in words; "" for one that begins."""
+        word, _, name = partner.partition(" ")
+        count = 0
+        for k in range(self.k - 1, -1, -1):
+            walls = walls_at(self.scene, self.a["time"][k])
+            state = contacts.find(self.a["position"][k], self.radius, self.period, walls)
+            if word == "particle":
+                there = sorted((self.i, int(name) - 1)) in state.pairs.tolist()
+            else:
+                there = any(i == self.i and walls[w].name == name for i, w in state.wall_pairs.tolist())
+            if not there or count >= MOST_AGE:
+                break
+            count += 1
+        if count == 0:
+            return ""
+        steps = count * int(self.a["step"][1] - self.a["step"][0])
+        return f"; {steps} steps of this contact agree"
+
     def tangential(self, along: list[float], across: list[float], pair) -> str:
         """Which part of a tangential force differs, as far as two force vectors show."""
-        friction = pair.friction if pair is not None else 0.0
-        limited = [
-            abs(t - friction * n) <= AT_LIMIT * abs(friction * n) for n, t in zip(along, across, strict=True)
-        ]
-        if limited[0] != limited[1]:
-            return "tangential force at the friction limit"
+        own = pair.friction if pair is not None else 0.0
+        limits = [own, *(p.friction for p in self.scene.contact_pairs if p.friction != own)]
+        named = [" / ".join(pair.materials) if pair is not None else ""]
+        named += [" / ".join(p.materials) for p in self.scene.contact_pairs if p.friction != own]
+        found = []
+        for n, t in zip(along, across, strict=True):
+            at = [k for k, mu in enumerate(limits) if mu > 0 and abs(t - mu * n) <= AT_LIMIT * abs(mu * n)]
+            found.append(at[0] if at else None)
+        if found[0] != found[1]:
+            foreign = [(who, k) for who, k in zip(self.names, found, strict=True) if k]
+            ends = "".join(f", in {who} that of {named[k]}," for who, k in foreign)
+            return f"tangential force at the friction limit{ends}"
         previous = self.a["position"][max(self.k - 1, 0)]
         state = contacts.find(
             previous, self.radius, self.period, walls_at(self.scene, self.a["time"][self.k])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Sequence
 
 from comparisons.harness import codes
@@ -12,19 +13,25 @@ from comparisons.scene_case import analysis
 from comparisons.scene_case import plan as plans
 from comparisons.scene_case.plan import Plan
 
+#: Letters of a reason at most.
+LONGEST = 160
+
 
 def sentence(plan: Plan, results: Results, checks: Sequence[CheckResult]) -> str:
     """What was found: agreement of each pair, codes left out, and checks of single codes that fail."""
     ran = _ran(results)
     if not ran:
-        return "no code ran the scene: " + "; ".join(dict.fromkeys(results.left_out.values()))
+        why = {**results.left_out, **results.failed}.values()
+        return f"no code ran the scene: {'; '.join(dict.fromkeys(_short(text) for text in why))}"
     parts = [_pair(plan, results, *pair) for pair in pairs_of(results)]
     if not parts:
         parts = [_alone(plan, results, ran)]
-    parts += [
-        f"{codes.title(code)} is left out ({_short(why)})"
-        for (label, code), why in results.left_out.items() if label == plans.SCENE
-    ]  # fmt: skip
+    for missing, what in ((results.failed, "failed"), (results.left_out, "is left out")):
+        parts += [
+            f"{codes.title(code)} {what} ({_short(why)})"
+            for (label, code), why in missing.items()
+            if label == plans.SCENE
+        ]
     parts.append(_sanity(checks))
     return "; ".join(part for part in parts if part) + "."
 
@@ -101,16 +108,19 @@ def incomplete(results: Results) -> bool:
 
 def _sanity(checks: Sequence[CheckResult]) -> str:
     """Checks of single codes that fail or could not be evaluated."""
-    bad = [c.name for c in checks if c.status in ("fail", "error") and c.mark != "X"]
-    good = sum(c.status == "pass" for c in checks if c.mark != "X")
+    own = [c for c in checks if c.mark != "X"]
+    bad = [c.name for c in own if c.status == "fail"]
     if bad:
         return f"not sound: {', '.join(bad)}"
+    good, lost = (sum(c.status == status for c in own) for status in ("pass", "error"))
+    if lost:
+        return f"{lost} of {good + lost} checks of conservation and sanity could not be evaluated"
     return f"all {good} checks of conservation and sanity hold" if good else ""
 
 
 def _short(why: str) -> str:
     """The reason in one line: of several points the first, and how many more."""
-    lines = [line.strip(" -") for line in why.splitlines() if line.strip()]
+    lines = [textwrap.shorten(line.strip(" -"), LONGEST) for line in why.splitlines() if line.strip()]
     if len(lines) > 1 and lines[0].endswith(":"):
         more = f" and {len(lines) - 2} more" if len(lines) > 2 else ""
         return lines[1] + more

@@ -176,14 +176,14 @@ def rungs(plan: Plan, until: float) -> list[tuple[str, float, str, Scene]]:
 
 
 def rung_variants(plan: Plan, until: float) -> list[Variant]:
-    """Variants of `--work-precision`: gpudem in each precision, other codes in float64, one core each."""
+    """Variants of `--work-precision`: gpudem in each precision, other codes in float64, one core each.
+
+    Twice the step may be too long for a code: that it gives up is a result.
+    """
     return [
         Variant(
-            label,
-            scene,
-            None if precision == "float64" else ("gpudem",),
-            {"gpudem": {"threads": 1}},
-            open=True,
+            label, scene, None if precision == "float64" else ("gpudem",), {"gpudem": {"threads": 1}},
+            open=True, may_end=True, timed=True,
         )
         for label, _, precision, scene in rungs(plan, until)
-    ]
+    ]  # fmt: skip

@@ -146,7 +146,7 @@ def test_variants_that_depend_on_results_and_the_sentence(tmp_path, fake_codes):
 def test_the_sentence_learns_what_did_not_run(tmp_path, fake_codes):
     """Detects: a headline that takes a failed code for one that agrees."""
     fake_codes(liggghts={"fails": "no binary"})
-    case = dataclasses.replace(fake.case(), headline=lambda r, checks: str(sorted(set(r.left_out.values()))))
+    case = dataclasses.replace(fake.case(), headline=lambda r, checks: str(sorted(set(r.failed.values()))))
     assert run(tmp_path, case).cases[0].headline == "['no binary']"
 
 
