@@ -1,18 +1,30 @@
-"""The dam break against Young's modulus: from which softness on is it another flow?"""
+"""The dam break against Young's modulus: down to which modulus is the flow the same, and what it costs."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from comparisons.cases.dam_break import scenes as dam
-from comparisons.harness.case import Results, Tier, Variant
+from comparisons.cases.dam_break.checks import ALPHA, early
+from comparisons.harness import codes
+from comparisons.harness.case import Check, Finding, Measured, PerPair, Results, Tier, Variant
+from comparisons.harness.configurations import Configuration, Configurations, precisions
+from comparisons.harness.numbers import number
 from comparisons.metrics import pile, statistics
+from comparisons.report import plots
 from gpudem.output.run import Run
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 #: Young's modulus of the balls of the experiment [Pa].
 TRUE = dam.BALL.young
+FLOAT64, MIXED, FLOAT32 = precisions()
+CONFIGURATIONS = Configurations(FLOAT64, MIXED, FLOAT32, timed_on=1)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -23,39 +35,40 @@ class Plan:
     seeds: int
     moduli: tuple[float, ...]
     hardest: float
-    """Modulus [Pa] that mixed, float32 and LIGGGHTS run as well, and that the others are held against."""
+    """Modulus [Pa] that all configurations and codes run, and that the others are compared with."""
 
 
-#: Five seeds a side pass the 1 % level only as the most extreme of 252 splits: they see rubber. The full tier
-#: asks which modulus is stiff enough, and takes the most seeds that are tested exactly.
+#: Five seeds per side reach p = 0.01 only as the most extreme of 252 splits: enough to detect rubber. The
+#: full tier asks which modulus is stiff enough, and takes the most seeds that can be tested exactly.
 PLANS: dict[Tier, Plan] = {
     "standard": Plan(0.012, 5, (1e5, 3e5, 1e6, 5e6), 5e6),
     "full": Plan(0.009, 10, (1e5, 3e5, 1e6, 5e6, 5e7, 5e8, TRUE), TRUE),
 }
-#: Who runs the hardest -> (label suffix, code, arguments).
-WHO = {
-    "gpudem float64": ("float64", "gpudem", {"precision": "float64"}),
-    "gpudem mixed": ("mixed", "gpudem", {"precision": "mixed"}),
-    "gpudem float32": ("float32", "gpudem", {"precision": "float32"}),
-    "LIGGGHTS": ("liggghts", "liggghts", {"use_recorded": False}),
-}
+TIERS: tuple[Tier, ...] = tuple(PLANS)
 #: What is compared, a reading from each part of the flow; more would only cost power.
 METRICS = (
     "height at 0 mm [mm]", "height at 400 mm [mm]", "run-out in flow [mm]", "centre of mass x at rest [mm]",
     "centre of mass z at rest [mm]", "time to the far wall [ms]",
 )  # fmt: skip
-#: What they say of, together: softening changes one before the other.
+#: Parts of the flow and their metrics: a reduced modulus changes one before the other.
 PARTS = {
     "the pile at rest": (METRICS[0], METRICS[1], METRICS[3], METRICS[4]),
     "the run-out in flow": (METRICS[2],),
     "the first ball at the far wall": (METRICS[5],),
 }
-#: Below, balls overlap by more than half a radius somewhere in the fall; the guard that ends such a run is
-#: waived, to see what comes out.
-GUARDED = 1e6
-#: Level of the tests, as in the dam break's own case.
-ALPHA = 0.01
+#: Below this, overlaps exceed half a radius somewhere in the fall, and the scene allows it.
+LARGE_OVERLAP_BELOW = 1e6
 CONTACTS, DEPTH = "contacts of a ball at rest", "largest overlap before / radius"
+#: Slope of overlap against modulus on log axes: (load/E)^(2/3).
+HERTZ = -2 / 3
+#: Time [s] over which the codes must agree: hundreds of contacts have ended; after it rounding grows tenfold
+#: every 3 ms where contacts are as short as with the true modulus.
+EARLY = 0.045
+
+
+def name_of(young: float, seed: int) -> str:
+    """Label of the variant that all codes run."""
+    return f"dam_{young:.3g}_{seed}"
 
 
 def variants(tier: Tier) -> list[Variant]:
@@ -68,87 +81,246 @@ def variants(tier: Tier) -> list[Variant]:
             scene = dam.Dam(radius=plan.radius, seed=seed, opens=0.4, flows=0.9, young=young).scene()
             scene = scene.replace(
                 output={"frames_every": 0.1, "history_every": 0.005},
-                allow=("large_overlap",) if young < GUARDED else (),
+                allow=("large_overlap",) if young < LARGE_OVERLAP_BELOW else (),
             )
-            for suffix, code, arguments in WHO.values() if young == plan.hardest else [WHO["gpudem float64"]]:
-                label = f"dam_{young:.3g}_{seed}-{suffix}"
-                made.append(Variant(label, scene, (code,), {code: arguments}, timed=True))
+            one = {} if young == plan.hardest else {"own": (FLOAT64,), "codes": ("gpudem",)}
+            made += CONFIGURATIONS.variants(name_of(young, seed), scene, **one)
     return made
 
 
-def runs(results: Results, young: float, who: str = "gpudem float64") -> list[tuple[str, str]]:
+def keys(results: Results, young: float, by: Configuration = FLOAT64) -> list[tuple[str, str]]:
     """(label, code) of the seeds of one modulus, those that ran."""
-    suffix, code, _ = WHO[who]
-    keys = [(f"dam_{young:.3g}_{k}-{suffix}", code) for k in range(1, PLANS[results.tier].seeds + 1)]
-    return [key for key in keys if key in results.runs]
+    seeds = range(1, PLANS[results.tier].seeds + 1)
+    return [key for seed in seeds if (key := by.key(name_of(young, seed))) in results.runs]
 
 
 def overlap(run: Run) -> float:
-    """Largest overlap of two balls just before the gate goes / radius."""
-    frame = run.frames.at(dam.opening(run))
-    domain, radius = run.scene.domain, frame["radius"]
-    deepest = pile.largest_overlap(frame["position"], radius, domain.hi[1] - domain.lo[1])
-    return deepest / float(radius.max())
+    """Largest overlap of two balls just before the opening / radius."""
+    frame, domain = run.frames.at(dam.opening(run)), run.scene.domain
+    found = pile.largest_overlap(frame["position"], frame["radius"], domain.hi[1] - domain.lo[1])
+    return found / float(frame["radius"].max())
 
 
-def sample(results: Results, young: float, who: str = "gpudem float64") -> dict[str, np.ndarray]:
+def sample(results: Results, young: float, by: Configuration = FLOAT64) -> dict[str, np.ndarray]:
     """Metric -> its values over the seeds."""
 
     def compute() -> dict[str, np.ndarray]:
         rows = []
-        for key in runs(results, young, who):
-            found = dam.measures(results, *key)
-            run = results[key]
+        for key in keys(results, young, by):
+            found, run = dam.measures(results, *key), results[key]
             contacts = 2 * int(run.history["contacts"].to_numpy()[-1]) / len(run.scene.state)
             rows.append({m: found[m] for m in METRICS} | {CONTACTS: contacts, DEPTH: overlap(run)})
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
-    return results.once(("dam sample", young, who), compute)
+    return results.once(("dam sample", young, by.key("")), compute)
 
 
-def gap(results: Results, young: float, who: str = "gpudem float64") -> dict[str, tuple[float, float]]:
-    """Metric -> (mean less that of the hardest in float64, corrected p of no difference)."""
+def gap(
+    results: Results, young: float, by: Configuration = FLOAT64, against: Configuration = FLOAT64
+) -> dict[str, tuple[float, float]]:
+    """Metric -> (mean less that of the hardest, corrected p of no difference)."""
 
     def compute() -> dict[str, tuple[float, float]]:
-        ours, hard = sample(results, young, who), sample(results, PLANS[results.tier].hardest)
+        ours, hard = sample(results, young, by), sample(results, PLANS[results.tier].hardest, against)
         names = (*METRICS, CONTACTS)
-        samples = [np.array([values[n] for n in names]).T for values in (ours, hard)]
-        p = statistics.largest_gap(*samples)
+        p = statistics.largest_gap(*(np.array([values[n] for n in names]).T for values in (ours, hard)))
         means = [float(ours[n].mean() - hard[n].mean()) for n in names]
         return {n: (m, float(q)) for n, m, q in zip(names, means, p, strict=True)}
 
-    return results.once(("dam gap", young, who), compute)
+    return results.once(("dam gap", young, by.key(""), against.key("")), compute)
 
 
-def told(results: Results, young: float, who: str = "gpudem float64") -> dict[str, float]:
-    """Metric that the seeds tell from the hardest's, at the level ALPHA -> mean less that of the hardest."""
-    return {n: shift for n, (shift, p) in gap(results, young, who).items() if p < ALPHA}
+def significant(results: Results, young: float, by: Configuration = FLOAT64) -> dict[str, float]:
+    """Metric that differs significantly from the hardest's (p < ALPHA) -> mean less that of the hardest."""
+    return {n: shift for n, (shift, p) in gap(results, young, by).items() if p < ALPHA}
 
 
 def stiff_enough(results: Results, part: str) -> tuple[float, float]:
-    """(softest modulus [Pa] from which on up no seed test tells a part from the hardest's, the next softer).
+    """(softest modulus [Pa] from which on no part differs significantly from the hardest's, the next softer).
 
     The second is nan where even the softest is stiff enough.
     """
     moduli = PLANS[results.tier].moduli
-    soft = [y for y in moduli if not told(results, y).keys().isdisjoint(PARTS[part])]
-    harder = [y for y in moduli if y > max(soft, default=0.0)]
-    return min(harder), max(soft, default=float("nan"))
+    soft = [y for y in moduli if not significant(results, y).keys().isdisjoint(PARTS[part])]
+    return min(y for y in moduli if y > max(soft, default=0.0)), max(soft, default=float("nan"))
 
 
-def left_open(results: Results, young: float, part: str) -> dict[str, float]:
-    """Metric of a part -> largest difference from the hardest in its 95 % interval (Welch)."""
-    hard = PLANS[results.tier].hardest
-    return {
-        n: statistics.welch(sample(results, young)[n], sample(results, hard)[n]).bound for n in PARTS[part]
-    }
+def undetected(results: Results, young: float, part: str) -> dict[str, float]:
+    """Metric of a part -> largest difference from the hardest in its 95 % confidence interval (Welch)."""
+    ours, hard = sample(results, young), sample(results, PLANS[results.tier].hardest)
+    return {n: statistics.welch(ours[n], hard[n]).bound for n in PARTS[part]}
 
 
-def seconds(results: Results, young: float, who: str = "gpudem float64") -> np.ndarray:
+def seconds(results: Results, young: float, by: Configuration = FLOAT64) -> np.ndarray:
     """Stepping time [s] of each seed."""
-    return np.array([results[key].timing.stepping_s for key in runs(results, young, who)])
+    return np.array([results[key].timing.stepping_s for key in keys(results, young, by)])
 
 
-def steps(results: Results, young: float) -> float:
-    """Steps of a second."""
-    return 1 / results[runs(results, young)[0]].scene.time.step
+# -- checks --------------------------------------------------------------------------------------------------
+
+
+def smallest_p(results: Results, by: Configuration, against: Configuration = FLOAT64) -> Measured:
+    """Least corrected p over all metrics of two configurations or codes at the hardest modulus."""
+    hardest = PLANS[results.tier].hardest
+    found = gap(results, hardest, by, against)
+    name = min(found, key=lambda n: found[n][1])
+    note = f"{number(hardest, 3)} Pa; least at {name}, difference {found[name][0]:.3g}"
+    return Measured(found[name][1], note=note)
+
+
+def overlap_slope(results: Results) -> Measured:
+    """Slope of the largest overlap before the opening against the modulus, less -2/3."""
+    moduli = [y for y in PLANS[results.tier].moduli if y >= LARGE_OVERLAP_BELOW]
+    depths = [float(sample(results, y)[DEPTH].mean()) for y in moduli]
+    slope = float(np.polyfit(np.log(moduli), np.log(depths), 1)[0])
+    return Measured(abs(slope - HERTZ), slope, HERTZ)
+
+
+def speed_up(results: Results) -> Measured:
+    """Speed-up of mixed over float64 at the hardest modulus: median over the seeds, run in turn."""
+    hardest = PLANS[results.tier].hardest
+    ratio = seconds(results, hardest) / seconds(results, hardest, MIXED)
+    return Measured(
+        float(np.median(ratio)), note=f"{len(ratio)} seeds, {ratio.min():.2f} to {ratio.max():.2f}"
+    )
+
+
+def too_soft(results: Results) -> Measured:
+    """Largest modulus [Pa] whose flow or pile differs from the hardest's."""
+    found = {y: significant(results, y).keys() - {CONTACTS} for y in PLANS[results.tier].moduli}
+    note = "; ".join(f"{y:.3g} Pa: {', '.join(sorted(names))}" for y, names in found.items() if names)
+    return Measured(max((y for y, names in found.items() if names), default=0.0), note=note)
+
+
+def same(who: str, needs: tuple[str, ...], *pair: Configuration, **fields: Any) -> Check:
+    """No significant difference of two configurations or codes over the seeds."""
+    return Check(
+        name=f"dam break at the hardest modulus: least corrected p over all metrics ({who})",
+        measure=lambda results: smallest_p(results, *pair), lo=ALPHA, tolerance=1.0, unit="1", needs=needs,
+        tiers=TIERS, reason="exact permutation of the largest standardized gap over the seeds; no significant"
+        " difference at 0.01", catches="forces rounded so that grains stick, creep or gain energy", **fields,
+    )  # fmt: skip
+
+
+def _plain(code: str) -> Configuration:
+    return Configuration(codes.title(code), code)
+
+
+CHECKS = (
+    same("gpudem mixed", ("gpudem",), MIXED, against="gpudem float64", mark="R"),
+    PerPair(
+        lambda code, other: same(
+            codes.title(other), (code, other), _plain(other), _plain(code), mark="X",
+            against=codes.title(code),
+        )
+    ),
+    *(
+        early(
+            "dam break at the hardest modulus: centre of mass, largest distance in 45 ms / diameter",
+            prefix=f"dam_{plan.hardest:.3g}_", until=EARLY, tiers=(tier,),
+            reason="same law, same scheme: rounding, before it has grown",
+            catches="an overlap that loses digits where it is a millionth of the radius",
+        )
+        for tier, plan in PLANS.items()
+    ),
+    Check(
+        name="dam break: largest overlap of the bed against the modulus, slope less -2/3",
+        measure=overlap_slope, tolerance=0.1, unit="1", against="Hertz (1882)", mark="A", tiers=TIERS,
+        reason="the largest of some thousand contacts; force chains differ in a softer bed",
+        catches="a stiffness that is not proportional to E, a modulus that does not act",
+    ),
+    *(
+        Check(
+            name="dam break: largest modulus that changes the flow or the pile [Pa]",
+            measure=too_soft, lo=1e5, tolerance=plan.moduli[-3 if plan.hardest == TRUE else -2], unit="Pa",
+            against="the hardest modulus", mark="R", tiers=(tier,),
+            reason="the softest must differ, or the test has no power"
+            + ("; the hardest but one must not, or there is no stiff limit" if plan.hardest == TRUE else ""),
+            catches="a modulus that does not act; too few seeds to detect a bed of rubber",
+        )
+        for tier, plan in PLANS.items()
+    ),
+)  # fmt: skip
+FINDINGS = (
+    Finding(
+        name="dam break: time of float64 / time of mixed at the hardest modulus, median over seeds",
+        measure=speed_up, unit="1", tiers=TIERS,
+        sentence="Speed-up of mixed: in a CPU's caches a float64 costs no more than a float32 that must be"
+        " converted; mixed saves memory there, and time with large beds.",
+    ),
+)  # fmt: skip
+
+
+# -- shown ---------------------------------------------------------------------------------------------------
+
+
+def draw_shift(ax: Axes, results: Results) -> None:
+    """Mean of each metric less that of the hardest, by the seeds' spread, against the modulus; filled marks
+    differ significantly.
+    """
+    plan = PLANS[results.tier]
+    moduli = np.array([y for y in plan.moduli if y != plan.hardest])
+    for k, name in enumerate((*METRICS, CONTACTS)):
+        spread = float(sample(results, plan.hardest)[name].std(ddof=1))
+        shift = np.array([gap(results, y)[name][0] for y in moduli]) / spread
+        differs = np.array([name in significant(results, y) for y in moduli])
+        look = {"marker": "osv^D<>"[k], "ms": 5, "color": plots.SERIES[k % 7]}
+        ax.plot(moduli, shift, lw=0.9, mfc="none", label=name.partition(" [")[0], **look)
+        ax.plot(moduli[differs], shift[differs], ls="", **look)
+    ax.axhline(0, color="0.5", lw=0.8)
+    ax.set(xscale="log", ylabel="change of the mean / standard deviation of a seed")
+    ax.set_yscale("symlog", linthresh=1)
+    ticks = [-10, -3, -1, 0, 1, 3, 10]
+    ax.set_yticks(ticks, [f"{t:g}" for t in ticks])
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.17), ncol=2, fontsize=7)
+
+
+def table(results: Results) -> list[dict[str, Any]]:
+    """Each modulus: steps, time, overlap, means of the metrics; then the hardest by all."""
+    plan, rows = PLANS[results.tier], []
+    everyone = [one for one in CONFIGURATIONS.among(results.codes()) if one != FLOAT64]
+    for young, by in [*((y, FLOAT64) for y in plan.moduli), *((plan.hardest, one) for one in everyone)]:
+        ran = keys(results, young, by)
+        if not ran:
+            continue
+        found, step = sample(results, young, by), results[ran[0]].scene.time.step
+        row = {"E [Pa]": number(young, 3), "code": by.title, "steps for 1 s": number(1 / step, 2)}
+        row["time of a run [s]"] = f"{np.median(seconds(results, young, by)):.1f}"
+        row[DEPTH] = number(float(found[DEPTH].mean()), 2)
+        row |= {n: f"{found[n].mean():.4g} ± {found[n].std(ddof=1):.2g}" for n in (*METRICS, CONTACTS)}
+        reference = (young, by) == (plan.hardest, FLOAT64)
+        differs = "" if reference else ", ".join(significant(results, young, by)) or "nowhere"
+        rows.append(row | {"differs (p < 0.01)": differs})
+    return rows
+
+
+def advice(results: Results) -> list[tuple[str, str]]:
+    """(part of a dam break, down to which modulus it is the same, with the numbers of this run)."""
+    return [(f"modulus, for {part}", _enough(results, part)) for part in PARTS]
+
+
+def _enough(results: Results, part: str) -> str:
+    """Down to which modulus a part is the same, how far that is known, what the next softer changes."""
+    plan = PLANS[results.tier]
+    good, soft = stiff_enough(results, part)
+    if good == plan.hardest:
+        text = "Only the hardest: every softer one differs."
+    else:
+        depth = float(sample(results, good)[DEPTH].mean())
+        cost = float(np.median(seconds(results, plan.hardest) / seconds(results, good)))
+        text = (
+            f"{number(good, 3)} Pa and more: {plan.seeds} seeds of a dam break show no significant difference"
+            f" from {number(plan.hardest, 3)} Pa. Overlaps are up to {100 * depth:.1g} % of the radius, and"
+            f" it takes 1/{cost:.2g} of the time. Differences within the 95 % confidence intervals:"
+            f" {_quantities(undetected(results, good, part), '.3g')}."
+        )
+    if not math.isnan(soft):
+        shifts = {n: m for n, m in significant(results, soft).items() if n in PARTS[part]}
+        text += f" At {number(soft, 3)} Pa: {_quantities(shifts, '+.3g')}."
+    return text
+
+
+def _quantities(values: dict[str, float], form: str) -> str:
+    """Values with the units that stand in their names: {"height [mm]": 2.0} gives "height 2 mm"."""
+    names = {n: n.rstrip("]").split(" [") for n in values}
+    return ", ".join(f"{names[n][0]} {v:{form}} {names[n][1]}" for n, v in values.items())

@@ -19,7 +19,7 @@ LENGTH, DEPTH, HEIGHT = 0.9, 0.4, 0.5
 BALLS, RADIUS, MASS = 120_000, 0.003, 0.2e-3
 #: Gate distance [m] -> height of the balls behind it as printed [m].
 GATES = {0.2: 0.301, 0.3: 0.206, 0.4: 0.155}
-#: First ball at the far wall [s] after the gate goes: experiment, and the paper's simulation.
+#: First ball at the far wall [s] after the gate is removed: experiment, and the paper's simulation.
 MEASURED_ARRIVAL, PAPER_ARRIVAL = 0.49, 0.54
 #: Largest height difference between experiment and simulation in the paper [m].
 PAPER_HEIGHT_ERROR = 0.008
@@ -33,7 +33,7 @@ GRAVITY = 9.81
 #: Heights are read every 100 mm, and every 10 mm for the profile [m].
 READ_AT = np.arange(0.0, LENGTH + 1e-9, 0.1)
 PROFILE_AT = np.arange(0.005, LENGTH, 0.01)
-#: Time after the gate goes [s] at which the flow is measured: well spread, and before the far wall.
+#: Time after the opening [s] at which the flow is measured: well spread, and before the far wall.
 IN_FLOW = 0.3
 #: Time from the start [s] over which the codes must agree: thousands of contacts, before rounding has grown.
 EARLY = 0.07
@@ -71,7 +71,7 @@ class Dam:
     friction: float = BALL_FRICTION
     seed: int = 1
     opens: float = 0.5
-    """Time at which the gate goes [s]; until then the loose lattice falls and settles."""
+    """Time at which the gate is removed [s]; until then the loose lattice falls and settles."""
     flows: float = 1.0
     """Time simulated after that [s]; the pile is at rest after 0.9 s."""
     slice: bool = True
@@ -142,8 +142,13 @@ class Dam:
 
 
 def opening(run: Run) -> float:
-    """Time [s] at which the gate goes."""
+    """Time [s] at which the gate is removed."""
     return next(p.removed_at for p in run.scene.planes if p.removed_at is not None)
+
+
+def gate(run: Run) -> float:
+    """Distance of the gate from the near wall [m]."""
+    return next(plane.point[0] for plane in run.scene.planes if plane.name == "gate")
 
 
 def _period(run: Run) -> float | None:
@@ -157,7 +162,7 @@ def _depth(run: Run) -> tuple[float, float]:
 
 
 def heights(results: Results, label: str, code: str, at: np.ndarray, time: float | None = None) -> np.ndarray:
-    """Heights [m] at places along x, at the end or at a time [s] after the gate goes."""
+    """Heights [m] at places along x, at the end or at a time [s] after the gate is removed."""
     run = results[label, code]
 
     def compute() -> np.ndarray:
@@ -168,7 +173,7 @@ def heights(results: Results, label: str, code: str, at: np.ndarray, time: float
 
 
 def arrival(run: Run) -> float:
-    """Time [s] after the gate goes at which the first ball touches the far wall, from the dense history."""
+    """Time after the opening [s] at which the first ball touches the far wall, from the dense history."""
     reached = pile.arrival(
         run.history["time"].to_numpy(),
         run.history["front_x"].to_numpy(),
@@ -178,31 +183,29 @@ def arrival(run: Run) -> float:
 
 
 def measures(results: Results, label: str, code: str) -> dict[str, float]:
-    """Every metric of one run, by name with its unit; heights at rest, the rest in flow or over time."""
-    run = results[label, code]
+    """Every metric of one run, by name with its unit: heights at rest, others in the flow or over time."""
 
     def compute() -> dict[str, float]:
-        out = {
-            f"height at {1e3 * x:.0f} mm [mm]": 1e3 * h
-            for x, h in zip(READ_AT, heights(results, label, code, READ_AT), strict=True)
-        }
-        flow, rest = run.frames.at(opening(run) + IN_FLOW), run.frames[-1]
-        connected, _ = pile.run_out(flow["position"], flow["radius"], _period(run))
-        table = run.history[run.history["time"] >= opening(run)]
-        moving = table["kinetic_energy"] + table["rotational_energy"]
-        out["run-out in flow [mm]"] = 1e3 * connected
-        out["centre of mass x in flow [mm]"] = 1e3 * pile.centre_of_mass(flow["position"], flow["radius"])[0]
-        out["centre of mass x at rest [mm]"] = 1e3 * pile.centre_of_mass(rest["position"], rest["radius"])[0]
-        out["centre of mass z at rest [mm]"] = 1e3 * pile.centre_of_mass(rest["position"], rest["radius"])[2]
-        out["time to the far wall [ms]"] = 1e3 * arrival(run)
-        out["largest kinetic energy [mJ]"] = 1e3 * float(np.max(moving))
-        return out
+        run, read = results[label, code], heights(results, label, code, READ_AT)
+        flow, rest, start = run.frames.at(opening(run) + IN_FLOW), run.frames[-1], opening(run)
+        table = run.history[run.history["time"] >= start]
+        centers = [pile.centre_of_mass(frame["position"], frame["radius"]) for frame in (flow, rest)]
+        return {f"height at {1e3 * x:.0f} mm [mm]": 1e3 * h for x, h in zip(READ_AT, read, strict=True)} | {
+            "run-out in flow [mm]": 1e3 * pile.run_out(flow["position"], flow["radius"], _period(run))[0],
+            "centre of mass x in flow [mm]": 1e3 * centers[0][0],
+            "centre of mass x at rest [mm]": 1e3 * centers[1][0],
+            "centre of mass z at rest [mm]": 1e3 * centers[1][2],
+            "time to the far wall [ms]": 1e3 * arrival(run),
+            "largest kinetic energy [mJ]": 1e3 * float(
+                np.max(table["kinetic_energy"] + table["rotational_energy"])
+            ),
+        }  # fmt: skip
 
     return results.once(("measures", label, code), compute)
 
 
 def unrest(run: Run) -> float:
-    """Kinetic energy, spins with it, in the last row before the gate goes, by the fall of the flow."""
+    """Kinetic energy, spins with it, in the last row before the gate is removed, by the fall of the flow."""
     table, gone = run.history, opening(run)
     kinetic = np.asarray(table["kinetic_energy"] + table["rotational_energy"])
     potential = np.asarray(table["potential_energy"])
@@ -211,15 +214,13 @@ def unrest(run: Run) -> float:
 
 
 def bed(run: Run) -> dict[str, float]:
-    """The column just before the gate goes: mean height [m], solid fraction and contacts per ball inside
-    it.
-    """
-    frame, gate = run.frames.at(opening(run)), next(p.point[0] for p in run.scene.planes if p.name == "gate")
+    """The column just before the opening: mean height [m], solid fraction and contacts per ball inside it."""
+    frame, end = run.frames.at(opening(run)), gate(run)
     position, radius, size = frame["position"], frame["radius"], 2 * float(frame["radius"].max())
-    places = np.linspace(2 * size, gate - 2 * size, 5)
+    places = np.linspace(2 * size, end - 2 * size, 5)
     top = float(pile.height(position, radius, places, _depth(run), _period(run)).mean())
     (front, back), inset = _depth(run), 0.0 if _period(run) else 2 * size
-    lo, hi = (2 * size, front + inset, 2 * size), (gate - 2 * size, back - inset, top - 2 * size)
+    lo, hi = (2 * size, front + inset, 2 * size), (end - 2 * size, back - inset, top - 2 * size)
     return {
         "height": top,
         "solid fraction": pile.packing_fraction(position, radius, lo, hi),

@@ -1,15 +1,29 @@
-"""From rubber to steel at the same number of steps a contact: error, steps and time of each precision."""
+"""From rubber to steel at the same number of steps per contact: error, steps and time of each precision."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
-from comparisons.cases.dam_break import modulus as stiff_dam
-from comparisons.cases.dam_break import modulus_checks as stiff_dam_checks
-from comparisons.harness.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
+from comparisons.cases.dam_break import modulus
+from comparisons.cases.dam_break.modulus import CONFIGURATIONS, FLOAT32, FLOAT64, MIXED
+from comparisons.harness.case import (
+    Case,
+    Check,
+    Figure,
+    Finding,
+    Measured,
+    PerCode,
+    Results,
+    Table,
+    Tier,
+    Variant,
+    largest,
+)
+from comparisons.harness.configurations import Configuration, Configurations
 from comparisons.harness.numbers import number
 from comparisons.oracles import step_limit
 from comparisons.oracles.bodies import bodies
@@ -18,18 +32,6 @@ from comparisons.report import plots
 from gpudem.output.run import Run
 from gpudem.scene import Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
 
-if TYPE_CHECKING:
-    import pandas
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-CODES = ("gpudem", "liggghts")
-#: Who -> (label suffix, code, arguments, colour, mark).
-WHO = {
-    "gpudem float64": ("float64", "gpudem", {"precision": "float64"}, plots.SERIES[0], "s"),
-    "gpudem mixed": ("mixed", "gpudem", {"precision": "mixed"}, plots.SERIES[2], "^"),
-    "gpudem float32": ("float32", "gpudem", {"precision": "float32"}, plots.SERIES[3], "v"),
-    "LIGGGHTS": ("liggghts", "liggghts", {"use_recorded": False}, plots.SERIES[1], "o"),
-}
 MODULI = {
     "quick": (1e5, 3.25e9, 2e11),
     "standard": (1e5, 1e6, 5e6, 5e7, 5e8, 3.25e9, 3e10, 2e11),
@@ -37,10 +39,12 @@ MODULI = {
 }
 RADIUS, NU, DENSITY = 0.003, 0.34, 1768.0
 SPEED, RESTITUTION, GRAVITY = 0.1, 0.9, 9.81
-#: Steps in an elastic contact, and in a swing at rest; swings of a run at rest.
+#: Steps in an elastic contact, and in an oscillation at rest; oscillations of a run at rest.
 STEPS, SWING, SWINGS = 300, 100, 12
-#: Restitution of the ball at rest: its swing dies away as exp(-b w t), to 1e-9 and less in SWINGS.
+#: Restitution of the ball at rest: its oscillation decays as exp(-b w t), to 1e-9 and less in SWINGS.
 DEAD = 0.3
+#: A ball at rest is not timed.
+UNTIMED = Configurations(FLOAT64, MIXED, FLOAT32)
 #: Error above which float32 counts as failed.
 FLOAT32_FAILS = 0.01
 #: Balls in a side of the square that hits the floor at once; where the square stands [m].
@@ -70,7 +74,7 @@ def _probe(young: float, e: float):
 
 
 def impact(young: float, side: int) -> Scene:
-    """A square of balls hits the floor, STEPS steps to the elastic contact."""
+    """A square of balls hits the floor, STEPS steps per elastic contact."""
     step = elastic_contact_time(_probe(young, RESTITUTION), SPEED) / STEPS
     duration = math.ceil(1.3 * STEPS) * step
     height = RADIUS + 10.5 * SPEED * step
@@ -81,7 +85,7 @@ def impact(young: float, side: int) -> Scene:
 
 
 def rest(young: float) -> Scene:
-    """A ball a tenth off its overlap at rest, with SWING steps to a swing."""
+    """A ball a tenth off its overlap at rest, with SWING steps per oscillation."""
     c = _probe(young, DEAD)
     overlap, stiffness, _ = step_limit.rest(c, c.mass[0] * GRAVITY)
     step = 2 * math.pi * math.sqrt(c.mass[0] / stiffness) / SWING
@@ -95,17 +99,9 @@ def rest(young: float) -> Scene:
 def variants(tier: Tier) -> list[Variant]:
     made = []
     for young in MODULI[tier]:
-        for name, scene in (("impact", impact(young, SIDE[tier])), ("rest", rest(young))):
-            for suffix, code, arguments, *_ in WHO.values():
-                label, timed = f"{name}_{young:.3g}-{suffix}", name == "impact"
-                made.append(Variant(label, scene, (code,), {code: arguments}, timed=timed))
-    return made + stiff_dam.variants(tier)
-
-
-def run_of(results: Results, name: str, young: float, who: str) -> Run:
-    """The run of one modulus."""
-    suffix, code, *_ = WHO[who]
-    return results[f"{name}_{young:.3g}-{suffix}", code]
+        made += CONFIGURATIONS.variants(f"impact_{young:.3g}", impact(young, SIDE[tier]))
+        made += UNTIMED.variants(f"rest_{young:.3g}", rest(young))
+    return made + modulus.variants(tier)
 
 
 def rebound_error(run: Run) -> float:
@@ -126,33 +122,70 @@ def overlap_error(run: Run) -> float:
     return float(abs((RADIUS - (run.trace["position"][-1, 0, 2] - PLACE)) / want - 1))
 
 
-def worst(results: Results, who: str, name: str, error) -> Measured:
-    """Largest error over the moduli."""
-    found = {young: error(run_of(results, name, young, who)) for young in MODULI[results.tier]}
-    at = max(found, key=lambda y: math.inf if math.isnan(found[y]) else found[y])
-    return Measured(found[at], note=f"largest at {at:.3g} Pa; {len(found)} moduli")
+def over_moduli(results: Results, error: Callable[[float], float]) -> Measured:
+    """Largest error(modulus)."""
+    moduli = MODULI[results.tier]
+    return largest({f"{young:.3g} Pa": error(young) for young in moduli}, f"{len(moduli)} moduli")
+
+
+def impact_error(results: Results, by: Configuration, young: float) -> float:
+    return rebound_error(by.run(results, f"impact_{young:.3g}"))
+
+
+def depth_error(results: Results, by: Configuration, young: float) -> float:
+    return overlap_error(by.run(results, f"rest_{young:.3g}"))
 
 
 def mixed(results: Results) -> Measured:
-    """Largest difference of rebound, relative overlap and net force at rest between mixed and float64."""
-    found = {}
-    for young in MODULI[results.tier]:
-        a, b = (run_of(results, "impact", young, f"gpudem {p}").trace for p in ("mixed", "float64"))
-        found[young] = float(np.abs(a["velocity"][-1] - b["velocity"][-1]).max() / SPEED)
-        a, b = (run_of(results, "rest", young, f"gpudem {p}") for p in ("mixed", "float64"))
-        found[young] = max(found[young], abs(rest_error(a) - rest_error(b)))
-    at = max(found, key=lambda y: math.inf if math.isnan(found[y]) else found[y])
-    return Measured(found[at], note=f"largest at {at:.3g} Pa")
+    """Largest difference of rebound and net force at rest between mixed and float64."""
+
+    def difference(young: float) -> float:
+        a, b = (by.run(results, f"impact_{young:.3g}").trace["velocity"][-1] for by in (MIXED, FLOAT64))
+        c, d = (rest_error(by.run(results, f"rest_{young:.3g}")) for by in (MIXED, FLOAT64))
+        return max(float(np.abs(a - b).max() / SPEED), abs(c - d))
+
+    return over_moduli(results, difference)
 
 
-def draw(results: Results) -> MatplotlibFigure:
+def code_checks(code: str) -> tuple[Check, ...]:
+    """Impact and rest in each configuration of a code but float32, which is a finding."""
+
+    def check(name: str, error: Any, by: Configuration, **fields: Any) -> Check:
+        return Check(
+            name=f"{name} ({by.title})", unit="1", against="closed form", mark="A", needs=(code,),
+            measure=lambda results: over_moduli(results, lambda young: error(results, by, young)), **fields,
+        )  # fmt: skip
+
+    precise = [by for by in CONFIGURATIONS.of(code) if by != FLOAT32]
+    return (
+        *(
+            check(
+                "rebound, largest error over the moduli", impact_error, by, tolerance=2e-3,
+                reason=f"first order: some (|ln e| + 0.1)/steps, {STEPS} steps per contact",
+                catches="an overlap lost in the rounding of positions",
+            )
+            for by in precise
+        ),
+        *(
+            check(
+                "overlap at rest, largest relative error over the moduli", depth_error, by, tolerance=1e-5,
+                reason="the oscillation has decayed to 1e-9; float64 positions at 0.7 m are rounded to 1e-16"
+                " m, overlaps are 1e-8 m",
+                catches="a ball that stops before it is at rest",
+            )
+            for by in precise
+        ),
+    )  # fmt: skip
+
+
+def draw(results: Results) -> plots.Figure:
     """Errors of the impact and at rest, against the modulus."""
     figure, axes = plots.figure(1, 2, width=plots.WHOLE, height=3.6)
-    moduli = np.array(MODULI[results.tier])
-    for ax, (name, error) in zip(axes, (("impact", rebound_error), ("rest", overlap_error)), strict=True):
-        for who, (_, _, _, colour, mark) in WHO.items():
-            found = [max(error(run_of(results, name, y, who)), 1e-16) for y in moduli]
-            ax.loglog(moduli, found, marker=mark, color=colour, label=who, mfc="none", lw=1.1, ms=6)
+    moduli = MODULI[results.tier]
+    for ax, error in zip(axes, (impact_error, depth_error), strict=True):
+        for by in CONFIGURATIONS.among(results.codes()):
+            found = [max(error(results, by, y), 1e-16) for y in moduli]
+            ax.loglog(moduli, found, **by.line(marker=by.mark, mfc="none", lw=1.1, ms=6))
         ax.set(xlabel="Young's modulus [Pa]")
     axes[0].set_ylabel("|rebound - e|")
     axes[1].set_ylabel("overlap at rest, relative error")
@@ -160,157 +193,129 @@ def draw(results: Results) -> MatplotlibFigure:
     return figure
 
 
-def table(results: Results) -> pandas.DataFrame:
-    """Steps and time that a second takes, and errors."""
-    import pandas
-
+def table(results: Results) -> list[dict[str, Any]]:
+    """Steps and time for a second, and errors."""
     rows = []
     for young in MODULI[results.tier]:
-        step = run_of(results, "impact", young, "gpudem float64").scene.time.step
-        row: dict[str, object] = {"E [Pa]": number(young, 3), "steps for 1 s": number(1 / step, 2)}
-        for who in WHO:
-            run = run_of(results, "impact", young, who)
-            micro = 1e6 * run.timing.stepping_s / run.timing.steps / run.timing.particles
-            row[f"{who}: us a ball and step"] = f"{micro:.2f}"
-            at_rest = run_of(results, "rest", young, who)
-            row[f"{who}: |rebound - e|; overlap at rest"] = (
-                f"{number(rebound_error(run), 2)}; {number(overlap_error(at_rest), 2)}"
-            )
+        step = FLOAT64.run(results, f"impact_{young:.3g}").scene.time.step
+        row = {"E [Pa]": number(young, 3), "steps for 1 s": number(1 / step, 2)}
+        for by in CONFIGURATIONS.among(results.codes()):
+            timing = by.run(results, f"impact_{young:.3g}").timing
+            errors = (error(results, by, young) for error in (impact_error, depth_error))
+            row[f"{by.title}: us per ball and step"] = f"{1e6 / timing.rate:.2f}"
+            row[f"{by.title}: |rebound - e|; overlap at rest"] = "; ".join(number(e, 2) for e in errors)
         rows.append(row)
-    return pandas.DataFrame(rows)
+    return rows
 
 
-def draw_choice(results: Results) -> MatplotlibFigure:
-    """What a modulus changes in the dam break, what precision it takes, and what it costs."""
+def draw_choice(results: Results) -> plots.Figure:
+    """What a modulus changes in the dam break, which precision it needs, and what it costs."""
     figure, (shift, error, cost) = plots.figure(1, 3, width=plots.WHOLE, height=4.2)
-    stiff_dam_checks.draw_shift(shift, results)
-    moduli = MODULI[results.tier]
-    for who, (_, _, _, colour, mark) in WHO.items():
-        found = [max(_error(results, y, who), 1e-16) for y in moduli]
-        error.loglog(moduli, found, marker=mark, color=colour, label=who, mfc="none", lw=1.1, ms=5)
+    modulus.draw_shift(shift, results)
+    moduli, plan = MODULI[results.tier], modulus.PLANS[results.tier]
+    scene = results[modulus.keys(results, plan.hardest)[0]].scene
+    for by in CONFIGURATIONS.among(results.codes()):
+        look = by.line(marker=by.mark, mfc="none", lw=1.1, ms=5)
+        error.loglog(moduli, [max(_error(results, y, by), 1e-16) for y in moduli], **look)
+        ran = [y for y in plan.moduli if modulus.keys(results, y, by)]
+        seconds = [float(np.median(modulus.seconds(results, y, by))) / scene.time.duration for y in ran]
+        cost.loglog(ran, seconds, **look)
     error.set(ylabel="larger error of rebound and overlap at rest")
+    cost.set(ylabel=f"dam break of {len(scene.state)} balls: seconds for 1 s")
     plots.legend(error)
-    plan = stiff_dam.PLANS[results.tier]
-    length = results[stiff_dam.runs(results, plan.hardest)[0]].scene
-    for who, (_, _, _, colour, mark) in WHO.items():
-        ran = [y for y in plan.moduli if stiff_dam.runs(results, y, who)]
-        seconds = [float(np.median(stiff_dam.seconds(results, y, who))) / length.time.duration for y in ran]
-        cost.loglog(ran, seconds, marker=mark, color=colour, label=who, mfc="none", lw=1.1, ms=5)
-    cost.set(ylabel=f"dam break of {len(length.state)} balls: seconds for 1 s")
     plots.legend(cost)
     for ax in (shift, error, cost):
         ax.set(xlabel="Young's modulus [Pa]", xlim=(6e4, 4e11))
     return figure
 
 
-def _error(results: Results, young: float, who: str) -> float:
-    rebound = rebound_error(run_of(results, "impact", young, who))
-    return max(rebound, overlap_error(run_of(results, "rest", young, who)))
+def _error(results: Results, young: float, by: Configuration) -> float:
+    return max(impact_error(results, by, young), depth_error(results, by, young))
 
 
-def advice(results: Results) -> pandas.DataFrame:
+def advice(results: Results) -> list[dict[str, str]]:
     """Modulus and precision, in sentences with the numbers of this run."""
-    import pandas
-
-    moduli = MODULI[results.tier]
-    wrong = [y for y in moduli if not _error(results, y, "gpudem float32") < FLOAT32_FAILS]
-    good = max(_error(results, y, "gpudem mixed") for y in moduli)
-    faster = stiff_dam_checks.speed(results).value if results.tier in stiff_dam.PLANS else math.nan
-    modulus = (
-        f"From {number(moduli[0], 3)} to {number(moduli[-1], 3)} Pa the same number of steps a contact gives"
-        " the same error, and the steps of a second go with the root of the modulus: soften for time, not"
-        " for accuracy."
+    moduli, dam = MODULI[results.tier], results.tier in modulus.PLANS
+    failed = [y for y in moduli if not _error(results, y, FLOAT32) < FLOAT32_FAILS]
+    good = max(_error(results, y, MIXED) for y in moduli)
+    ratio = modulus.speed_up(results).value if dam else math.nan
+    cost = f", and takes {1 / ratio:.2f} times the time of float64 in this dam break" if dam else ""
+    contact = (
+        f"From {number(moduli[0], 3)} to {number(moduli[-1], 3)} Pa the same number of steps per contact"
+        " gives the same error, and the steps for a second are proportional to the root of the modulus:"
+        " reduce it for time, not for accuracy."
     )
-    parts = stiff_dam_checks.advice(results) if results.tier in stiff_dam.PLANS else []
     precision = (
-        f"Use mixed or float64 at any modulus (mixed is right to {number(good, 2)} on all of these, and takes"
-        f" {1 / faster:.2f} times the time of float64 in this dam break); float32 is off by more than"
-        f" {100 * FLOAT32_FAILS:g} %, without a message, from {number(min(wrong), 3)} Pa on at {PLACE:g} m"
-        " from the origin."
+        f"Use mixed or float64 at any modulus (mixed is accurate to {number(good, 2)} on all of these"
+        f"{cost}); float32 is off by more than {100 * FLOAT32_FAILS:g} %, without a message,"
+        f" from {number(min(failed), 3)} Pa on at {PLACE:g} m from the origin."
     )
-    rows = [("modulus, for a contact", modulus), *parts, ("precision", precision)]
-    return pandas.DataFrame(rows, columns=["choose", "by"])
+    parts = modulus.advice(results) if dam else []
+    rows = [("modulus, for a contact", contact), *parts, ("precision", precision)]
+    return [{"choose": what, "by": text} for what, text in rows]
 
 
 CASE = Case(
     name="stiffness",
     title="From rubber to steel",
     purpose=(
-        "Everyone softens grains, because the steps of a second go with the root of the modulus. Here the"
-        " number of steps in a contact is the same from 0.1 MPa to 200 GPa, and with it the error of an"
-        " impact: float64, mixed and LIGGGHTS do not see the modulus. float32 does: the overlap of a ball"
-        " at rest shrinks to nanometres, less than the spacing of its positions, and the ball freezes where"
-        " it is, without a word. What softening changes in a flow is another matter: the dam break, seed by"
-        " seed, from 0.1 MPa up to the 3.25 GPa of the paper's balls (full tier)."
+        "Young's modulus is often reduced, because the steps for a second are proportional to its root. Here"
+        " the number of steps per contact is the same from 0.1 MPa to 200 GPa, and with it the error of an"
+        " impact: it does not depend on the modulus in float64, mixed and LIGGGHTS. In float32 it does: the"
+        " overlap of a ball at rest becomes nanometers, less than the spacing of its positions, and the ball"
+        " stops too early, without a message. What a reduced modulus changes in a flow is another question:"
+        " the dam break, over seeds, from 0.1 MPa up to the 3.25 GPa of the paper's balls (full tier)."
     ),
     source="Restitution of the law; overlap at rest (m g/k)^(2/3), Hertz (1882).",
     variants=variants,
     checks=(
-        *(
-            Check(
-                name=f"rebound, largest error over the moduli ({who})",
-                measure=lambda results, who=who: worst(results, who, "impact", rebound_error),
-                tolerance=2e-3, unit="1", against="closed form", mark="A", needs=(WHO[who][1],),
-                reason=f"first order: some (|ln e| + 0.1)/steps, {STEPS} steps in a contact",
-                catches="an overlap lost in the rounding of positions",
-            )
-            for who in ("gpudem float64", "gpudem mixed", "LIGGGHTS")
-        ),
-        *(
-            Check(
-                name=f"overlap at rest, largest relative error over the moduli ({who})",
-                measure=lambda results, who=who: worst(results, who, "rest", overlap_error),
-                tolerance=1e-5, unit="1", against="closed form", mark="A", needs=(WHO[who][1],),
-                reason="the swing has died away to 1e-9; float64 positions at 0.7 m carry 1e-16 m, beside"
-                " overlaps of 1e-8 m",
-                catches="a ball that freezes before it is at rest",
-            )
-            for who in ("gpudem float64", "gpudem mixed", "LIGGGHTS")
-        ),
+        PerCode(code_checks),
         Check(
             name="mixed against float64: last velocity / impact speed, net force at rest / weight, largest",
             measure=mixed, tolerance=1e-5, unit="1", against="float64", mark="R",
-            reason="forces carry 6e-8, a contact adds up some hundred of them",
-            catches="positions or velocities added up in float32",
+            reason="forces are rounded to 6e-8, a contact adds some hundred of them",
+            catches="positions or velocities accumulated in float32",
         ),
-        Check(
+        *modulus.CHECKS,
+    ),
+    findings=(
+        Finding(
             name="float32: overlap at rest, largest relative error over the moduli",
-            measure=lambda results: worst(results, "gpudem float32", "rest", overlap_error),
-            tolerance=math.inf, lo=0.1, unit="1", against="closed form", mark="A",
-            reason="shown failing where it fails", catches="a float32 mode that is not float32",
+            measure=lambda results: over_moduli(results, lambda y: depth_error(results, FLOAT32, y)),
+            unit="1",
+            sentence="float32 is not accurate here: the overlap is lost in the spacing of positions.",
         ),
-        *stiff_dam_checks.checks(),
+        *modulus.FINDINGS,
     ),
     figures=(
         Figure(
-            "How stiff: what a modulus changes, which precision it takes, what it costs",
-            "Left: the dam break over its seeds, against the hardest; full marks: told from it (p < 0.01)."
-            " Middle: impact and ball at rest. Right: stepping alone.",
-            draw_choice, tiers=stiff_dam_checks.TIERS, needs=CODES, section="advice", recorded=True,
+            "How stiff: what a modulus changes, which precision it needs, what it costs",
+            "Left: the dam break over its seeds, against the hardest; filled marks: significant (p < 0.01)."
+            " Middle: impact and ball at rest. Right: stepping only.",
+            draw_choice, tiers=modulus.TIERS, section="advice", recorded=True,
         ),
         Figure(
-            "Error against the modulus at the same number of steps a contact",
+            "Error against the modulus at the same number of steps per contact",
             "Left: impacts at 0.1 m/s, 0.7 m from the origin. Right: a ball that comes to rest. float32 loses"
             " the overlap in the spacing of its positions (6e-8 m there).",
-            draw, needs=CODES, section="limits",
+            draw, section="limits",
         ),
     ),
     tables=(
         Table(
             "How stiff: which modulus and precision to use", "Numbers of this run; grains of 3 mm.", advice,
-            needs=CODES, section="advice", recorded=True,
+            section="advice", recorded=True,
         ),
         Table(
             "The dam break against the modulus",
             "Means and standard deviations over the seeds, measured as in the dam break's own case.",
-            stiff_dam_checks.table, tiers=stiff_dam_checks.TIERS, needs=CODES, section="limits",
-            recorded=True,
+            modulus.table, tiers=modulus.TIERS, section="limits", recorded=True,
         ),
         Table(
             "What stiffness costs",
-            "Steps of one second at the same number of steps a contact; stepping time of a square of balls"
+            "Steps of one second at the same number of steps per contact; stepping time of a square of balls"
             " that hit the floor.",
-            table, needs=CODES, section="limits",
+            table, section="limits",
         ),
     ),
     features=("normal hertz", "damping", "gravity", "wall plane", "mixed", "float32", "bulk flow"),

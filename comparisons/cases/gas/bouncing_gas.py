@@ -91,8 +91,10 @@ def variants(tier: Tier) -> list[Variant]:
 def rest(results: Results) -> tuple[Run, dict[str, np.ndarray]]:
     """(the run in equilibrium, columns of its history once it has settled)."""
     run = results[EQUILIBRIUM, HARD]
-    late = run.history["time"].to_numpy() > SETTLED
-    return run, {str(name): run.history[name].to_numpy()[late] for name in run.history}
+    table = run.history
+    assert table is not None, "the scene asks for a history"
+    late = table["time"].to_numpy() > SETTLED
+    return run, {str(name): table[name].to_numpy()[late] for name in table}
 
 
 def drift_speed(run: Run) -> np.ndarray:
