@@ -18,35 +18,37 @@ needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler"
 
 @needs_cc
 def test_c_does_the_same_work_and_another_scene_is_seen(tmp_path):
-    # catches: a yardstick that does less; a check that would hold for any two programs
-    yardstick, start = event_speed.Yardstick(tmp_path), event_speed.problem(60)
+    # catches: a C program that does less; a check that would hold for any two programs
+    reference, start = event_speed.CReference(tmp_path), event_speed.problem(60)
     own = event_speed.engine_run(start, 2.0)
-    same = yardstick.run(yardstick.write(start), 2.0)
+    same = reference.run(reference.write(start), 2.0)
     assert own.events > 2000
     assert (same.events, same.collisions) == (own.events, own.collisions)
     assert same.height == pytest.approx(own.height, abs=1e-13)
     softer = dataclasses.replace(start, restitution=start.restitution * 0.999)
-    other = yardstick.run(yardstick.write(softer), 2.0)
+    other = reference.run(reference.write(softer), 2.0)
     assert other.collisions != own.collisions
 
 
 @needs_cc
 def test_what_the_c_program_says_is_an_error(tmp_path):
     # catches: a failed run taken for a fast one
-    yardstick = event_speed.Yardstick(tmp_path)
+    reference = event_speed.CReference(tmp_path)
     with pytest.raises(GpudemError, match="No such file"):
-        yardstick.run(yardstick.folder / "missing.txt", 1.0)
-    path = yardstick.write(event_speed.problem(60))
+        reference.run(reference.folder / "missing.txt", 1.0)
+    path = reference.write(event_speed.problem(60))
     path.write_text(path.read_text()[:-200])
     with pytest.raises(GpudemError, match="a number is missing"):
-        yardstick.run(path, 1.0)
+        reference.run(path, 1.0)
 
 
 def test_without_a_compiler_the_checks_are_left_out_and_say_so(monkeypatch):
     # catches: a ratio that passes, or an error, where nothing was measured
     monkeypatch.setenv("CC", "no-such-compiler")
     evaluation = Evaluation(case.CASE, "quick", ("gpudem",))
-    found = [evaluation.check(c) for c in case.CASE.checks if "C" in c.name.split() or " of C" in c.name]
+    checks = [c for c in case.CASE.checks_of("quick") if " of C" in c.name]
+    found = [*map(evaluation.check, checks)]
+    found += [evaluation.finding(f) for f in case.CASE.findings_of("quick") if " of C" in f.name]
     assert len(found) == 3
     assert {c.status for c in found} == {"left_out"}
     assert all("no C compiler here (no-such-compiler)" in c.why for c in found)

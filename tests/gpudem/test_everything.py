@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from comparisons.cases.performance import specialised
+from comparisons.cases.performance import specialized
 from gpudem.driver import simulate as run
 
 pytestmark = pytest.mark.long
@@ -14,7 +14,7 @@ STEPS = 60
 @pytest.mark.parametrize("name", ["frictionless gas", "frictionless bed", "polydisperse"])
 def test_the_motion_is_the_same(name):
     """Catches physics left out that a scene has: a radius, mass or material taken for that of all."""
-    scene = specialised.scenes()[name]
+    scene = specialized.scenes()[name]
     scene = scene.replace(
         time={"duration": STEPS * scene.time.step}, output={"trace_every": STEPS * scene.time.step}
     )

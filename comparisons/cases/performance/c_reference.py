@@ -125,7 +125,7 @@ def rungs(plan: dict[Search, tuple[tuple[int, ...], float]], repeats: int) -> di
     return best
 
 
-class Yardstick:
+class CReference:
     """The C program, compiled for this machine into a folder.
 
     Raises:
@@ -185,15 +185,15 @@ def beside_c(plan: dict[int, tuple[float, int]]) -> tuple[str, dict[int, list[tu
     """
     found: dict[int, list[tuple[Timed, Timed]]] = {}
     with tempfile.TemporaryDirectory(prefix="hard_spheres_") as folder:
-        yardstick = Yardstick(Path(folder))
+        reference = CReference(Path(folder))
         engine_run(problem(30), 1e-3)
         for n, (until, repeats) in plan.items():
             start, found[n] = problem(n), []
-            path = yardstick.write(start)
+            path = reference.write(start)
             for k in range(repeats):  # who goes first takes turns as well
                 if k % 2:
-                    c, own = yardstick.run(path, until), engine_run(start, until)
+                    c, own = reference.run(path, until), engine_run(start, until)
                 else:
-                    own, c = engine_run(start, until), yardstick.run(path, until)
+                    own, c = engine_run(start, until), reference.run(path, until)
                 found[n].append((own, c))
-    return yardstick.compiler, found
+    return reference.compiler, found

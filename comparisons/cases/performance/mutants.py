@@ -4,31 +4,28 @@ from __future__ import annotations
 
 import pandas
 
-from comparisons.harness.case import Case, Check, Measured, Results, Table
+from comparisons.harness.case import Case, Finding, Measured, Results, Table
 from comparisons.mutation.recorded import load_record
 from comparisons.mutation.table import Mutation, load
 from comparisons.mutation.trial import CAUGHT, SURVIVED, UNKNOWN
 
-LEAST = 25
-
-
-def survivors(results: Results) -> Measured:
-    """Mutants of the record for which no test failed; NaN without a record."""
-    return _count(SURVIVED)
-
-
-def unknown(results: Results) -> Measured:
-    """Mutants of the record whose tests reached the time limit before one failed; NaN without a record."""
-    return _count(UNKNOWN)
-
 
 def _count(outcome: str) -> Measured:
+    """Mutants of the record with an outcome; NaN without a record."""
     record = load_record()
     if record is None:
         return Measured(float("nan"), note="not recorded: make mutants ARGS=--record")
     names = record.named(outcome)
     total = f"{len(record.named(CAUGHT))} of {len(record.rows)} caught"
     return Measured(len(names), note=", ".join(names) or total)
+
+
+def survivors(results: Results) -> Measured:
+    return _count(SURVIVED)
+
+
+def unknown(results: Results) -> Measured:
+    return _count(UNKNOWN)
 
 
 def not_recorded(results: Results) -> Measured:
@@ -43,7 +40,7 @@ def not_recorded(results: Results) -> Measured:
         return (row["marker"], row["operation"]) == (m.marker, str(m.operation))
 
     missing = [m.name for m in mutations if not recorded(m)]
-    return Measured(len(missing), measured=len(mutations), note=", ".join(missing))
+    return Measured(len(missing), note=", ".join(missing))
 
 
 def table(results: Results) -> pandas.DataFrame:
@@ -66,8 +63,8 @@ def _caption() -> str:
         f" {p['hardware']['cores']} cores, {record.seconds / 60:.0f} minutes. emulator: comparison step by"
         " step with an independent NumPy implementation of the contact law; case: the checks of that case"
         " against closed forms and the ODE; the others are tests of the solver of that name. If no test among"
-        " the first fails for a mutant, the whole test set runs. unknown: the tests reached the time limit"
-        " before one failed."
+        " the first fails for a mutant, the whole test set runs. unknown: the time limit was reached before a"
+        " test failed."
     )
 
 
@@ -75,33 +72,27 @@ CASE = Case(
     name="mutants",
     title="Do the tests detect defects?",
     purpose=(
-        "A check that cannot fail shows nothing. Mutation testing puts known defects into the solver, one"
-        " at a time: a sign, a factor, a lost spring, a missed cell. The test set, which passes on the solver"
+        "A check that cannot fail shows nothing. Mutation testing puts known defects into the solver, one at"
+        " a time: a sign, a factor, a lost spring, a missed cell. The test set, which passes on the solver"
         " itself (the baseline), runs on each of these mutants; if it passes there too, the solver could have"
         " that defect without a test failing."
     ),
     source="make mutants; the mutations are data, comparisons/mutation/data/mutations.toml.",
     variants=lambda tier: [],
-    checks=(
-        Check(
-            name="mutants that no test detects", measure=survivors, tolerance=0, unit="mutants",
-            against="recorded make mutants", mark="R", needs=(), reason="an exact statement",
-            catches="a defect that no test detects",
+    checks=(),
+    findings=(
+        Finding("mutants that no test detects", survivors, "mutants", "Of the recorded run.", ()),
+        Finding(
+            "mutants without a result within the time limit", unknown, "mutants",
+            "Of the recorded run; not counted as detected.", (),
         ),
-        Check(
-            name="mutants without a result within the time limit", measure=unknown, tolerance=0,
-            unit="mutants", against="recorded make mutants", mark="R", needs=(), reason="an exact statement",
-            catches="a mutant that was taken for detected because its run did not end",
+        Finding(
+            "mutations that the record does not contain", not_recorded, "mutants",
+            "0: the record is of the present table of mutations.", (),
         ),
-        Check(
-            name="mutations that the record does not contain", measure=not_recorded,
-            tolerance=0, unit="mutants", against="the table", mark="R", needs=(), reason="an exact statement",
-            catches="a record that is out of date",
-        ),
-        Check(
-            name="mutations", measure=lambda results: float(len(load()[1])), lo=LEAST,
-            tolerance=1000, unit="mutants", against="at least 25 required", mark="R", needs=(),
-            reason="defects of every kind", catches="a table that has shrunk",
+        Finding(
+            "mutations", lambda results: float(len(load()[1])), "mutants",
+            "Defects in the table; 25 were required.", (),
         ),
     ),
     tables=(Table("Mutants", _caption(), table, needs=()),),

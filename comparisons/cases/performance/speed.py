@@ -1,16 +1,30 @@
-"""Speed of both codes on the same settled and flowing beds, in turn, in this run; and the recorded bench."""
+"""Speed of the codes on the same settled and flowing beds, in turn, in this run; and the recorded bench."""
 
 from __future__ import annotations
 
 import json
 import statistics
 from importlib import resources
+from typing import Any
 
 import pandas
 
 from comparisons.bench.beds import COUNT, bench_scene
 from comparisons.bench.command import LARGE
-from comparisons.harness.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
+from comparisons.harness import codes
+from comparisons.harness.case import (
+    Case,
+    Figure,
+    Finding,
+    Measured,
+    PerPair,
+    Results,
+    Table,
+    Tier,
+    Unmeasured,
+    Variant,
+)
+from comparisons.harness.configurations import Configuration, Configurations
 
 BEDS = ("settled", "flowing")
 #: (steps, repeats, core counts): a measurement takes 0.3 s in the quick tier, 3 s in the others.
@@ -20,70 +34,88 @@ LEAST = 1.4
 
 def variants(tier: Tier) -> list[Variant]:
     steps, repeats, cores = PLAN[tier]
+    asked = ("gpudem", *codes.references(tuple(codes.CODES)))
     return [
-        Variant(
-            f"{bed}_{n}_{repeat}", bench_scene(bed, COUNT, steps),
-            options={"gpudem": {"threads": n}, "liggghts": {"ranks": n, "use_recorded": False}}, timed=True,
-        )
+        variant
         for bed in BEDS for n in cores for repeat in range(repeats)
+        for variant in Configurations(Configuration("gpudem"), timed_on=n).variants(
+            f"{bed}_{n}_{repeat}", bench_scene(bed, COUNT, steps), codes=asked
+        )
     ]  # fmt: skip
 
 
-def ratios(results: Results, bed: str, cores: int) -> list[float]:
-    """Rate of gpudem over that of LIGGGHTS, each repeat."""
+def _pairs(results: Results) -> list[tuple[str, str]]:
+    found = codes.pairs(results.codes())
+    if not found:
+        raise Unmeasured("needs a second code on the same beds")
+    return found
+
+
+def rates(results: Results, bed: str, cores: int, *asked: str) -> list[list[float]]:
+    """Particle-steps per second of each of the codes, by repeat; of repeats that all of them ran."""
     labels = [label for label in results.labels() if label.startswith(f"{bed}_{cores}_")]
-    both = [lab for lab in labels if {"gpudem", "liggghts"} <= set(results.codes(lab))]
-    return [results[lab, "gpudem"].timing.rate / results[lab, "liggghts"].timing.rate for lab in both]
+    both = [label for label in labels if set(asked) <= set(results.codes(label))]
+    return [[results[label, code].timing.rate for label in both] for code in asked]
 
 
-def _check(bed: str, cores: int) -> Check:
-    def measure(results: Results) -> Measured:
-        found = ratios(results, bed, cores)
-        middle = statistics.median(found)
-        return Measured(
-            1 / middle, measured=middle, note=f"{len(found)} repeats, {min(found):.2f} to {max(found):.2f}"
-        )
+def speed_ups(results: Results, bed: str, cores: int, code: str, other: str) -> list[float]:
+    """Rate of a code / that of another, by repeat."""
+    return [a / b for a, b in zip(*rates(results, bed, cores, code, other), strict=True)]
 
-    return Check(
-        name=f"LIGGGHTS' particle-steps per second / gpudem's, {bed}, {cores} core{'s' if cores > 1 else ''}",
-        measure=measure, tolerance=1 / LEAST, unit="1", against="LIGGGHTS, same bed, same machine, in turn",
-        mark="X", reason=f"gpudem is to reach at least {LEAST} of LIGGGHTS' speed on a CPU in float64",
-        catches="a slow kernel, a list rebuilt too often, time lost between launches",
-        needs=("gpudem", "liggghts"), tiers=("standard", "full"),
-    )  # fmt: skip
+
+def _findings(code: str, other: str) -> tuple[Finding, ...]:
+    def make(bed: str, cores: int) -> Finding:
+        def measure(results: Results) -> Measured:
+            found = speed_ups(results, bed, cores, code, other)
+            note = f"{len(found)} repeats, {min(found):.2f} to {max(found):.2f}"
+            return Measured(statistics.median(found), note=note)
+
+        return Finding(
+            f"{codes.title(code)}'s particle-steps per second / {codes.title(other)}'s, {bed}, {cores}"
+            f" core{'s' if cores > 1 else ''}",
+            measure, "1", f"Same bed and machine, in turn; the target is {LEAST}.", (code, other),
+            ("standard", "full"),
+        )  # fmt: skip
+
+    return () if codes.brought(code) else tuple(make(bed, cores) for bed in BEDS for cores in (1, 2))
 
 
 def table(results: Results) -> pandas.DataFrame:
-    """Median rates and ratio with spread."""
+    """Median rates and speed-up with its range, for each pair of codes."""
     rows = []
-    for bed in BEDS:
-        for cores in (1, 2):
-            labels = [lab for lab in results.labels() if lab.startswith(f"{bed}_{cores}_")]
-            found = ratios(results, bed, cores)
-            if not found:
-                continue
-            rate = {
-                code: statistics.median(results[lab, code].timing.rate for lab in labels) / 1e6
-                for code in ("gpudem", "liggghts")
-            }
-            rows.append(
-                (
-                    bed,
-                    cores,
-                    rate["gpudem"],
-                    rate["liggghts"],
-                    statistics.median(found),
-                    min(found),
-                    max(found),
-                )
-            )
-    return pandas.DataFrame(
-        rows,
-        columns=["bed", "cores or ranks", "gpudem [1e6/s]", "LIGGGHTS [1e6/s]", "ratio", "least", "most"],
-    ).round(2)
+    for code, other in _pairs(results):
+        for bed, cores in ((bed, n) for bed in BEDS for n in PLAN[results.tier][2]):
+            own, theirs = (statistics.median(rate) / 1e6 for rate in rates(results, bed, cores, code, other))
+            found = speed_ups(results, bed, cores, code, other)
+            ratio = {"speed-up": statistics.median(found), "least": min(found), "most": max(found)}
+            rate = {f"{codes.title(code)} [1e6/s]": own, f"{codes.title(other)} [1e6/s]": theirs}
+            rows.append({"bed": bed, "cores or ranks": cores, **rate, **ratio})
+    return pandas.DataFrame(rows).round(2)
 
 
-def recorded() -> dict | None:
+def draw(results: Results):
+    from comparisons.report import plots
+
+    groups = [(bed, n) for bed in BEDS for n in PLAN[results.tier][2]]
+    figure, axes = plots.figure(height=3.0)
+    for code, other in _pairs(results):
+        for k, (bed, n) in enumerate(groups):
+            found = speed_ups(results, bed, n, code, other)
+            label = f"{codes.title(code)} / {codes.title(other)}" if k == 0 else None
+            axes.plot([k] * len(found), found, **plots.style(code, linestyle="none", marker="o", label=label))
+    axes.axhline(1.0, color="0.3")
+    axes.axhline(LEAST, color="0.5", linestyle=":", label=f"target, {LEAST}")
+    axes.set_xticks(range(len(groups)), [f"{bed}\n{n} core{'s' if n > 1 else ''}" for bed, n in groups])
+    axes.set(xlim=(-0.5, len(groups) - 0.5), ylabel="speed-up")
+    axes.set_ylim(bottom=0)
+    plots.legend(axes)
+    return figure
+
+
+# -- the recorded bench --------------------------------------------------------------------------------------
+
+
+def recorded() -> dict[str, Any] | None:
     """The last `gpudem bench` that was kept, with its provenance; None if there is none."""
     path = resources.files("comparisons") / "recorded" / "bench.json"
     return json.loads(path.read_text()) if path.is_file() else None
@@ -110,14 +142,13 @@ def narrowed(rows: pandas.DataFrame) -> pandas.DataFrame:
         "" if pandas.isna(ratio) else f"{ratio:.2f} ({least:.2f} to {most:.2f})"
         for ratio, least, most in zip(rows["ratio"], rows["ratio least"], rows["ratio most"], strict=True)
     ]
-    rows = rows.assign(ratio=spread)
     left_out = ["ratio least", "ratio most", "arrays [B]", "contacts"]
     left_out += ["device"] * (rows["device"].nunique() == 1)
     names = {
         "s a simulated s": "s / simulated s", "of the roofline [%]": "roofline [%]",
-        "first step after [s]": "start [s]",
+        "first step after [s]": "start [s]", "ratio": "speed-up",
     }  # fmt: skip
-    return rows.drop(columns=left_out).rename(columns=names)
+    return rows.assign(ratio=spread).drop(columns=left_out).rename(columns=names)
 
 
 def _recorded_caption() -> str:
@@ -127,14 +158,15 @@ def _recorded_caption() -> str:
     p, only_cpu = data["provenance"], all(row["device"] == "cpu" for row in data["rows"])
     caption = (
         f"Recorded, not run now: {p['date']}, commit {p['commit']}, {p['hardware']['cpu']},"
-        f" {p['hardware']['cores']} cores. Particle-steps per second of stepping; the ratio is to LIGGGHTS on"
-        " as many ranks, in float64 whatever our precision. Bytes a step: what a step must read or write at"
-        " least, a particle; by the rate and the memory bandwidth measured beforehand that is the share of"
-        " the roofline. Start: of the process to its first step, with kernels compiled by an earlier run."
+        f" {p['hardware']['cores']} cores. Particle-steps per second of stepping; the speed-up is relative to"
+        " LIGGGHTS on as many ranks, in float64 whatever the precision of gpudem. Bytes a step: what a step"
+        " must read or write at least for a particle; with the rate and the measured memory bandwidth this"
+        " gives the share of the roofline. Start: from the start of the process to its first step, kernels"
+        " compiled before."
     )
     if only_cpu:
         caption += (
-            " No GPU was at hand: the tests compile the CUDA kernels and read their registers, spills and"
+            " No GPU was available: the tests compile the CUDA kernels and read their registers, spills and"
             " loads; their speed is not known yet."
         )
     return caption
@@ -145,24 +177,25 @@ def draw_recorded(results: Results):
     from comparisons.report import plots
 
     data = recorded()
-    rows = pandas.DataFrame(data["rows"] if data else [])
     figure, axes = plots.figure(1, 2, width=plots.WHOLE, height=3.4, sharey=True)
     if data is None:
         return figure
+    rows = pandas.DataFrame(data["rows"])
     looks = {"float64": (0, "-"), "mixed": (2, "--"), "float32": (3, ":")}
-    for k, bed in enumerate(BEDS):
+    for ax, bed in zip(axes, BEDS, strict=True):
         part = rows[rows.state == bed]
         for key, group in part.groupby(["code", "precision", "device", "cores"]):
             code, precision, device, cores = list(key)  # pyright: ignore[reportArgumentType]
             middle = group.groupby("particles").rate.median() / 1e6
-            color, line = (1, "-.") if code == "liggghts" else looks[precision]
-            name = "LIGGGHTS" if code == "liggghts" else f"gpudem {precision}"
+            own = code == "gpudem"
+            color, line = looks[precision] if own else (1, "-.")
+            name = f"{codes.title(code)} {precision}" if own else codes.title(code)
             where = device if device != "cpu" else f"{cores} core{'s' if cores > 1 else ''}"
-            axes[k].semilogx(
+            ax.semilogx(
                 middle.index, middle, color=plots.SERIES[color], ls=line, marker="o" if cores > 1 else "s",
                 ms=3, lw=1.2, label=f"{name}, {where}", mfc="none" if cores == 1 else None,
             )  # fmt: skip
-        axes[k].set(xlabel="balls", title=f"{bed} bed")
+        ax.set(xlabel="balls", title=f"{bed} bed")
     axes[0].set_ylabel("1e6 particle-steps / s")
     if rows.rate.max() > 100 * rows.rate.min():  # a GPU is among them
         axes[0].set_yscale("log")
@@ -172,60 +205,38 @@ def draw_recorded(results: Results):
     return figure
 
 
-def draw(results: Results):
-    from comparisons.report import plots
-
-    groups = [(bed, n) for bed in BEDS for n in (1, 2) if ratios(results, bed, n)]
-    figure, axes = plots.figure(height=3.0)
-    for k, (bed, n) in enumerate(groups):
-        found = ratios(results, bed, n)
-        axes.plot([k] * len(found), found, **plots.style("gpudem", linestyle="none", marker="o", label=None))
-    axes.axhline(1.0, **plots.style("liggghts", marker="", label="LIGGGHTS", linestyle="-"))
-    axes.axhline(LEAST, color="0.5", linestyle=":", label=f"target, {LEAST}")
-    axes.set_xticks(range(len(groups)), [f"{bed}\n{n} core{'s' if n > 1 else ''}" for bed, n in groups])
-    axes.set_xlim(-0.5, len(groups) - 0.5)
-    axes.set_ylim(bottom=0)
-    axes.set_ylabel("gpudem / LIGGGHTS")
-    plots.legend(axes)
-    return figure
-
-
 CASE = Case(
     name="speed",
     title="Speed and memory",
     purpose=(
-        "Particle-steps per second of stepping alone (no start-up, compiling or output), both codes in turn"
-        " on the same bed of 5000 spheres with friction and shear history, float64, on as many cores as the"
-        " other has ranks. Cost per step does not depend on the modulus; cost per simulated second does."
+        "Particle-steps per second of stepping (without start-up, compilation and output), the codes in turn"
+        " on the same bed of 5000 spheres with friction and shear history, float64, on equal numbers of cores"
+        " and ranks. The cost of a step does not depend on the modulus; the cost of a simulated second does."
     ),
     source="This run; other sizes from the recorded `gpudem bench`.",
     variants=variants,
-    checks=tuple(_check(bed, cores) for bed in BEDS for cores in (1, 2)),
+    checks=(),
+    findings=(PerPair(_findings),),
     figures=(
-        Figure(
-            "gpudem's speed over LIGGGHTS'",
-            "One point a repeat; other programs on the machine widen the spread.",
-            draw, needs=("gpudem", "liggghts"),
-        ),
+        Figure("Speed-up", "One point a repeat; other programs on the machine widen the spread.", draw),
         Figure(
             "Recorded bench: particle-steps per second against the number of balls",
             "Squares: one core; dots: more. " + _recorded_caption(), draw_recorded,
         ),
     ),
     tables=(
-        Table("Particle-steps per second, measured now", "5000 spheres, median of the repeats.", table,
-              needs=("gpudem", "liggghts")),
+        Table("Particle-steps per second, measured now", "5000 spheres, median of the repeats.", table),
         Table("Recorded bench", _recorded_caption(), recorded_table("summary")),
         Table(
             "Recorded bench: cost against the number of balls",
             f"Exponent k of seconds per step ~ N^k from {LARGE} balls on, least squares of the logarithms of"
-            " the medians: 1 is linear; what is above is memory that no longer fits the caches.",
+            " the medians. 1 is linear; memory that no longer fits the caches raises it.",
             recorded_table("scaling"),
         ),
         Table(
             "Recorded bench: memory of the whole process",
-            "Least squares over the beds on one core: what a ball costs, and what is there before the first"
-            " (Python, NumPy and Warp with its compiler; MPI for LIGGGHTS).",
+            "Least squares over the beds on one core: bytes for each ball, and what the process uses before"
+            " the first (Python, NumPy and Warp with its compiler; MPI for LIGGGHTS).",
             recorded_table("memory"),
         ),
     ),

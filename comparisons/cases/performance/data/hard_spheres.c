@@ -1,4 +1,4 @@
-/* Hard spheres from collision to collision, in plain C: the yardstick of the case event_speed.
+/* Hard spheres from collision to collision, in plain C: the reference of the case event_speed.
  *
  *     cc -O2 -ffp-contract=off -o hard_spheres hard_spheres.c -lm
  *     hard_spheres START END     -> events collisions crossings stale seconds mean_height
