@@ -138,7 +138,7 @@ class Measured:
 
 
 def relative(got: float, wanted: float) -> Measured:
-    """Relative error |got/wanted - 1|, with both."""
+    """Relative error `|got/wanted - 1|`, with both."""
     return Measured(abs(got / wanted - 1), got, wanted)
 
 
