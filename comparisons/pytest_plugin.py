@@ -1,6 +1,6 @@
 """The pytest plug-in, in any repository: each check of a case is a test, and the report is written.
 
-    pytest --gpudem-case head_on --gpudem-cases my_cases --gpudem-code gpudem --gpudem-out report
+    pytest --gpudem-case head_on --gpudem-scene my.toml --gpudem-with "python my_dem.py {scene} {out}"
 
 Installed with gpudem (entry point `gpudem` of the group `pytest11`; `-p no:gpudem` switches it off). Without
 one of SELECTING it adds nothing to a session, and imports nothing of gpudem.
@@ -11,7 +11,7 @@ from __future__ import annotations
 import pytest
 
 #: Options that select checks: one of them makes the plug-in take part.
-SELECTING = ("gpudem_case", "gpudem_cases")
+SELECTING = ("gpudem_case", "gpudem_cases", "gpudem_scene")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -28,7 +28,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "cases of a package or module; without --gpudem-case all of them are run; repeatable",
         "PACKAGE",
     )
+    option("scene", "compare a scene of yours, TOML or JSON; repeatable", "FILE")
     option("code", "code to run the cases through; repeatable; default: all that are known", "NAME")
+    option("with", "a code of yours: 'python my_dem.py {scene} {out}'", "COMMAND", "store")
     option("tier", "quick, standard or full; default: quick", "TIER", "store")
     option("out", "new or empty folder of the report; default: runs/<UTC>_<commit>", "DIR", "store")
 

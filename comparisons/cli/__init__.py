@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import json
 import os
 import signal
 import sys
@@ -290,6 +291,31 @@ def report(directory: Path) -> int:
 
 
 @app.command()
+@click.argument("before", type=click.Path(path_type=Path))
+@click.argument("after", type=click.Path(path_type=Path))
+@click.option(
+    "--tolerance",
+    default=0.1,
+    show_default=True,
+    help="Show changes of a value from so many of its tolerances.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print it as JSON.")
+def diff(before: Path, after: Path, tolerance: float, as_json: bool) -> int:
+    """What changed between two comparisons; exit code 1 if a verdict changed for the worse."""
+    from pydantic import TypeAdapter
+
+    from comparisons.harness import difference, results
+
+    found = difference.difference(results.load(before), results.load(after), tolerance)
+    if as_json:
+        form = TypeAdapter(difference.Difference)
+        click.echo(form.dump_json(found, indent=1).decode())
+    else:
+        click.echo("\n".join(difference.text(found)))
+    return int(found.worse)
+
+
+@app.command()
 @click.argument("directory", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), help=".gif or .mp4.  [default: DIRECTORY/run.gif]")
 @click.option("--fps", type=click.FloatRange(0.1, 100), default=20.0, show_default=True)
@@ -314,11 +340,15 @@ def bench(arguments: tuple[str, ...]) -> int:
 
 
 @app.command()
-@click.argument("name", type=click.Choice(["scene", "run"]))
+@click.argument("name", type=click.Choice(["scene", "run", "results"]))
 def schema(name: str) -> int:
-    """Print the JSON schema of a file: scene.json for a code of yours, run.json of it."""
+    """Print the JSON schema of a file: scene.json for a code of yours, run.json of it, results.json."""
+    from comparisons.harness import results
     from reference.process import contract
 
+    if name == "results":
+        click.echo(json.dumps(results.json_schema(), indent=1))
+        return 0
     click.echo(contract.schema_path(name).read_text(encoding="utf-8"), nl=False)
     return 0
 

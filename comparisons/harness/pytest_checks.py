@@ -17,12 +17,15 @@ from comparisons.harness import codes, execute, provenance
 from comparisons.harness.case import TIERS, Case, Tier
 from comparisons.harness.discover import cases_to_run
 from comparisons.harness.results import CheckResult
+from comparisons.scene_case import build
 from gpudem.errors import GpudemError
 
 #: The test of a case beside its checks: that it ran, and that its figures, tables and findings could be made.
 WHOLE = "runs and is shown"
 #: Name of the collector and of the marker of its tests.
 NAME = "gpudem"
+#: Time limit of a run of the code behind --gpudem-with [s].
+WITH_TIMEOUT = 600.0
 #: Name under which a worker of pytest-xdist says where its report is.
 REPORT = "gpudem_report"
 
@@ -42,13 +45,21 @@ class Checks:
             raise pytest.UsageError(f"--gpudem-tier {tier}: choose from {', '.join(TIERS)}")
         self.tier: Tier = cast(Tier, tier)
         try:
-            self.cases = cases_to_run(self._given("case"), self.tier, self._given("cases"))
+            self.cases = self._selected()
             self.codes = codes.select(self._given("code") or codes.CODES)
+            if command := config.getoption("gpudem_with"):
+                self.codes = (*self.codes, codes.register_command(command, "own_code", WITH_TIMEOUT))
             if not self.cases:
                 raise GpudemError(f"no case in the {tier} tier")
         except GpudemError as error:
             raise pytest.UsageError(f"gpudem: {error}") from error
         config.addinivalue_line("markers", f"{NAME}: a check of a case of gpudem (--gpudem-case)")
+
+    def _selected(self) -> list[Case]:
+        """The cases that the options name, and one for each scene."""
+        names, packages, scenes = (self._given(option) for option in ("case", "cases", "scene"))
+        cases = cases_to_run(names, self.tier, packages) if names or packages else []
+        return cases + build.from_files(scenes, [case.name for case in cases])
 
     def _given(self, option: str) -> list[str]:
         return self.config.getoption(f"gpudem_{option}") or []

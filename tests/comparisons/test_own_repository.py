@@ -7,6 +7,7 @@ a check that fails, or takes part where nobody asked for it.
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -148,6 +149,17 @@ def test_it_is_quiet_where_it_is_not_used(repository, tmp_path):
     assert "unrecognized arguments: --gpudem-case" in repository(
         "-p", "no:gpudem", "--gpudem-case", "fall", code=4
     )
+
+
+def test_a_scene_and_a_code_behind_a_command(repository, tmp_path):
+    """What is collected; the comparison of a scene and the running of a command have tests of their own."""
+    shutil.copy(ROOT / "examples" / "drop.toml", tmp_path / "repository" / "my.toml")
+    text = repository(
+        "--collect-only", "-q", "--gpudem-scene", "my.toml", "--gpudem-code", "gpudem",
+        "--gpudem-with", "python my_dem.py {scene} {out}",
+    )  # fmt: skip
+    assert "gpudem::drop: runs and is shown" in text
+    assert re.search("gpudem::drop: .*own_code", text)
 
 
 @pytest.mark.parametrize(
