@@ -62,14 +62,15 @@ def _pair(plan: Plan, results: Results, code: str, other: str) -> str:
     if limits.growth.rate:
         why = f"rounding differences grow tenfold every {limits.growth.decade:.2g} s"
     text = f"{one} and {two} agree to rounding until {limits.horizon:.4g} s ({why})"
-    return f"{text}; after that {_after(plan, results, code, other)}"
+    return f"{text}; after that {after(plan, results, code, other)}"
 
 
 def _size(largest: float) -> str:
     return f"largest difference {largest:.1e} diameters" if largest > 0 else "positions to the last bit"
 
 
-def _after(plan: Plan, results: Results, code: str, other: str) -> str:
+def after(plan: Plan, results: Results, code: str, other: str) -> str:
+    """What the distributions of two codes show."""
     if not analysis.has(results, analysis.seed_labels(plan)[0], code, other):
         return "nothing is compared"
     found = analysis.distributions(results, plan, code, other)

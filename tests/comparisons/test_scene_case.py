@@ -10,7 +10,9 @@ import pytest
 
 from comparisons import cli
 from comparisons.harness import codes, execute
-from comparisons.scene_case import build
+from comparisons.harness.case import Results
+from comparisons.metrics import statistics
+from comparisons.scene_case import build, headline
 from comparisons.scene_case import plan as plans
 from gpudem import driver
 from gpudem.errors import GpudemError
@@ -257,3 +259,31 @@ def test_a_scene_through_liggghts(tmp_path, capsys):
     found = capsys.readouterr().out
     assert "stiff_pair: gpudem and LIGGGHTS agree to rounding in the whole run of 0.0008 s" in found
     assert "agree to rounding" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_a_denser_run_finds_where_codes_separate(compare, monkeypatch):
+    """Detects: a coarse trace that leaves the first difference between two far times."""
+    monkeypatch.setattr(plans, "TRACE_MEMORY", 60 * 2 * plans.ENTRY * (plans.ROUNDING_RUNS + 4))
+    sentence, comparison = compare(hit(), beside(lambda s: pair(s, friction=0.21)))
+    assert {r.variant for r in comparison.runs} >= {"dense"}
+    assert FRICTION in sentence
+    table = next(a for a in comparison.cases[0].artefacts if a.title == "Comparison particle by particle")
+    assert table.status == "ok"
+
+
+def test_the_sentence_on_distributions():
+    """Detects: a significant difference that the sentence hides, or one of chance that it reports."""
+    scene_plan = plans.make(gas(), 5, False)
+    one, two = np.array([1.0, 1.1, 0.9, 1.05, 0.95]), np.array([2.0, 2.1, 1.9, 2.05, 1.95])
+    runs: dict = {("seed_1", code): None for code in ("gpudem", "liggghts")}
+
+    def said(p: float) -> str:
+        found = {"kinetic energy, mean [J]": (statistics.welch(one, two), p)}
+        results = Results("quick", runs, {("distributions", "gpudem", "liggghts"): found})
+        return headline.after(scene_plan, results, "gpudem", "liggghts")
+
+    assert said(0.008).startswith(
+        "a significant difference over 5 seeds in 1 of 1 metrics, first of all kinetic"
+    )
+    assert "1 against 2 (corrected p = 0.008)" in said(0.008)
+    assert said(0.3).startswith("no significant difference in 1 metrics over 5 seeds (p > 0.01; differences")
