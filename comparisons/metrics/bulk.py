@@ -74,25 +74,36 @@ def metrics(scene: Scene, trace: Mapping[str, np.ndarray], up: int | None, flow:
 
 
 def _contacts(scene: Scene, part: Mapping[str, np.ndarray]) -> dict[str, float]:
-    """Contacts, coordination and forces, means over the times."""
+    """Contacts, coordination and overlaps, means over the times.
+
+    Overlaps stand for the forces of single contacts, which a trace does not hold: it has the sum over the
+    contacts of a particle, which at rest is its weight.
+    """
     n, rows = len(scene.state), []
     for k, time in enumerate(part["time"]):
         state = contacts.find(
             part["position"][k], scene.state.radius, period(scene), walls_at(scene, float(time))
         )
-        weight = scene.masses[:, None] * np.array(scene.gravity)
-        force = np.linalg.norm(part["force"][k] - weight, axis=1)
-        spread = force.std() / force.mean() if force.mean() > 0 else 0.0
-        rows.append((len(state), 2 * len(state.pairs) / n, force.mean(), spread))
-    count, coordination, force, spread = (float(v) for v in np.mean(rows, axis=0))
+        share = overlaps(scene, state)
+        mean = share.mean() if len(share) else 0.0
+        spread = share.std() / mean if mean > 0 else 0.0
+        rows.append((len(state), 2 * len(state.pairs) / n, mean, spread))
+    count, coordination, mean, spread = (float(v) for v in np.mean(rows, axis=0))
     found = {
         "contacts, mean [1]": count,
         "coordination number without walls, mean [1]": coordination,
-        "contact force on a particle, mean [N]": force,
+        "overlap / smaller radius of a contact, mean [1]": mean,
     }
     if n >= MANY:
-        found["standard deviation / mean of the contact force on a particle [1]"] = spread
+        found["standard deviation / mean of the overlaps [1]"] = spread
     return found
+
+
+def overlaps(scene: Scene, state: contacts.Contacts) -> np.ndarray:
+    """Overlap / smaller radius of every contact, of particles and with walls, shape (contacts,)."""
+    radius = scene.state.radius
+    between = state.overlap / radius[state.pairs].min(axis=1) if len(state.pairs) else np.zeros(0)
+    return np.concatenate([between, state.wall_overlap / radius[state.wall_pairs[:, 0]]])
 
 
 def _profiles(scene: Scene, part: Mapping[str, np.ndarray], up: int | None, flow: int) -> dict[str, float]:

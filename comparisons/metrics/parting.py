@@ -232,7 +232,7 @@ class _Cause:
         if count == 0:
             return ""
         steps = count * int(self.a["step"][1] - self.a["step"][0])
-        return f"; {steps} steps of this contact agree"
+        return f"; {steps} step{'s' if steps > 1 else ''} of this contact agree"
 
     def tangential(self, along: list[float], across: list[float], pair) -> str:
         """Which part of a tangential force differs, as far as two force vectors show."""

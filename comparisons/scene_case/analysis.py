@@ -21,6 +21,8 @@ from gpudem.scene.time_step import position_spacing
 FACTOR = 30.0
 #: The horizon: there the allowed difference has grown to this share of the smallest diameter.
 LIMIT = 1e-3
+#: Change of positions / diameter by half the step up to which the error of the step is measured.
+RESOLVED = 0.01
 #: Level of the test over distributions.
 ALPHA = 0.01
 #: Times at which contacts are searched for the sanity of a run.
@@ -154,6 +156,12 @@ def halving(results: Results, plan: Plan) -> tuple[np.ndarray, np.ndarray]:
         own["position"][:count] - half["position"][:count], parting.period(plan.scene)
     )
     return own["time"][:count], np.linalg.norm(shift, axis=2).max(axis=1) / diameter(plan.scene)
+
+
+def resolved(results: Results, plan: Plan) -> float:
+    """Time [s] until which errors of the step can be measured: half the step changes positions little."""
+    time, relative = halving(results, plan)
+    return min(envelope(results, plan).horizon, growth.horizon(time, relative, RESOLVED))
 
 
 # -- distributions -------------------------------------------------------------------------------------------

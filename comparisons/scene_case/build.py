@@ -112,7 +112,7 @@ def follow_up(results: Results, plan: Plan) -> list[Variant]:
     if times and plan.stride > 1:
         made.append(plans.dense_variant(plan, max(times)))
     if plan.work_precision:
-        made += plans.rung_variants(plan, limits.horizon)
+        made += plans.rung_variants(plan, analysis.resolved(results, plan))
     return made
 
 
@@ -136,8 +136,8 @@ def _figures(plan: Plan, bound) -> tuple[Figure, ...]:
         found.append(
             Figure(
                 "Error against run time",
-                f"Each code against its own run at {plans.LADDER[-1]:g} of the step, until the horizon; one"
-                " core each.",
+                f"Each code against its own run at {plans.LADDER[-1]:g} of the step, one core each, until half"
+                f" the step changes positions by {analysis.RESOLVED:g} diameters: chaos follows.",
                 bound(figures.work_precision),
             )
         )

@@ -107,26 +107,31 @@ def _series(results: Results, label: str, code: str, up: int | None, flow: int):
 
 
 def profiles(results: Results, plan: Plan) -> Figure:
-    """Height along the flow and distribution of forces at the end of the runs."""
+    """Height along the flow and distribution of overlaps at the end of the runs."""
     up, flow = bulk.axes(plan.scene, analysis.trace(results[plans.SCENE, ran(results)[0]]))
     if len(plan.scene.state) < bulk.MANY or up is None:
         raise Unmeasured("profiles need gravity and many particles")
     seeds = [label for label in analysis.seed_labels(plan) if ran(results, label)]
     labels = seeds or [plans.SCENE]
+    quantiles = np.linspace(0, 1, 101)
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.2)
     for code in ran(results, labels[0]):
-        heights, forces, at = [], [], np.zeros(0)
+        heights, depths, at = [], [], np.zeros(0)
         for label in [lab for lab in labels if (lab, code) in results.runs]:
             run = results[label, code]
             trace = analysis.trace(run)
             at, height = bulk.height_profile(run.scene, trace["position"][-1], up, flow, 16)
             heights.append(height)
-            weight = run.scene.masses[:, None] * np.array(run.scene.gravity)
-            forces.append(np.sort(np.linalg.norm(trace["force"][-1] - weight, axis=1)))
+            walls = parting.walls_at(run.scene, float(trace["time"][-1]))
+            state = contacts.find(
+                trace["position"][-1], run.scene.state.radius, parting.period(run.scene), walls
+            )
+            share = bulk.overlaps(run.scene, state)
+            depths.append(np.quantile(share, quantiles) if len(share) else 0 * quantiles)
         plots.band(left, at, heights, code)
-        plots.band(right, np.linspace(0, 1, len(forces[0])), forces, code)
+        plots.band(right, quantiles, depths, code)
     left.set(xlabel=f"{'xyz'[flow]} [m]", ylabel="height at the end [m]")
-    right.set(xlabel="share of particles", ylabel="contact force at the end at most [N]")
+    right.set(xlabel="share of contacts", ylabel="overlap / radius at the end at most")
     plots.legend(left)
     return figure
 
@@ -216,7 +221,7 @@ def distributions(results: Results, plan: Plan) -> pandas.DataFrame:
 def ladder(results: Results, plan: Plan) -> dict[str, tuple[list[float], list[float], list[float]]]:
     """Code and precision -> (steps [s], stepping times [s], errors / diameter) against its smallest step."""
     found: dict[str, tuple[list[float], list[float], list[float]]] = {}
-    made = plans.rungs(plan, analysis.envelope(results, plan).horizon)
+    made = plans.rungs(plan, analysis.resolved(results, plan))
     reference = made[-1][0]
     for label, step, precision, _ in made[:-1]:
         for code in ran(results, label):

@@ -94,7 +94,7 @@ def trace_of(scene: Scene, velocity=(0.0, 0.0, 0.0), times: int = 5) -> dict[str
 
 
 def test_numbers_of_a_flow():
-    """Detects: a wrong axis, energy or center; forces in which the weight still is."""
+    """Detects: a wrong axis, energy or center; contacts with a wall that do not count."""
     scene = box()
     trace = trace_of(scene, (0.3, 0.0, -0.1))
     assert bulk.axes(scene, trace) == (2, 0)
@@ -103,7 +103,11 @@ def test_numbers_of_a_flow():
     assert found["kinetic energy, mean [J]"] == pytest.approx(0.5 * mass * 0.1)
     assert found["center of mass along z, end [m]"] == pytest.approx(0.026)
     assert found["mechanical energy, end [J]"] == pytest.approx(0.5 * mass * 0.1 + mass * 10 * 0.026)
-    assert found["contact force on a particle, mean [N]"] == pytest.approx(0.0, abs=1e-12)
+    assert found["contacts, mean [1]"] == found["overlap / smaller radius of a contact, mean [1]"] == 0.0
+    low = {**trace, "position": trace["position"] - np.array([0, 0, 0.002])}
+    found_low = bulk.metrics(scene, low, 2, 0)
+    assert found_low["contacts, mean [1]"] == 8
+    assert found_low["overlap / smaller radius of a contact, mean [1]"] == pytest.approx(0.0005 / 0.0045)
     assert found["front along x, end [m]"] == pytest.approx(0.0845)
     assert found["velocity along x, middle third, mean [m/s]"] == pytest.approx(0.3)
     _, heights = bulk.height_profile(scene, trace["position"][-1], 2, 0, 4)
