@@ -136,8 +136,8 @@ def _figures(plan: Plan, bound) -> tuple[Figure, ...]:
         found.append(
             Figure(
                 "Error against run time",
-                f"Each code against its own run at {plans.LADDER[-1]:g} of the step, one core each, until half"
-                f" the step changes positions by {analysis.RESOLVED:g} diameters: chaos follows.",
+                f"Each code against its own run at {plans.LADDER[-1]:g} of the step, one core each, while"
+                f" half the step changes positions by less than {analysis.RESOLVED:g} diameters.",
                 bound(figures.work_precision),
             )
         )
