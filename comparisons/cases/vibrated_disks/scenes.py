@@ -1,7 +1,7 @@
-"""The vibrated disks as soft spheres of several contact times, and how they tend to hard ones.
+"""The vibrated disks as soft spheres of several contact times, and their approach to hard ones.
 
 A mean over a run scatters; its standard error is that of the long event-driven run, whose blocks of 20 s are
-long against what its energy remembers, scaled by the length: most soft runs are too short for blocks.
+longer than the correlation time of its energy, scaled by the length: most soft runs are too short for blocks.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from comparisons.harness.case import Results
 from gpudem.output.run import Run
 from gpudem.scene import Scene
 
-#: The engine of hard disks, and its long run; from when on that is steady [s].
+#: The engine of hard disks, its long run, and the time from which that is steady [s].
 CODE, STEADY, HARD_SETTLED = "event_driven", "steady", 40.0
 #: Speed at which a contact lasts the stated time [m/s]; steps in it; settling and blocks [s].
 MEETING, STEPS, SETTLED, BLOCK = 0.5, 25, 15.0, 20.0
 POISSON = 0.3
-#: Top of the domain [m], 14 mean heights: small cells; who gets there ends the run with an error.
+#: Top of the domain [m], 14 mean heights: small cells; a disk that reaches it ends the run with an error.
 TOP = 4.0
 
 
@@ -47,39 +47,37 @@ def soften(scene: Scene, contact_time: float, duration: float, mass: float) -> S
 
 @dataclasses.dataclass(frozen=True)
 class Steady:
-    """A run in the steady state; hard disks have contact time 0."""
+    """Means of a run in the steady state; hard disks have contact time 0."""
 
     contact_time: float
     duration: float
     """Length of the averages [s]."""
     kinetic: float
-    """Mean kinetic energy a disk [J]."""
+    """Kinetic energy per disk [J]."""
     height: float
     """Mean height [m]."""
     contacts: float
-    """Mean number of contacts, with disks and floor, by the number of disks."""
+    """Contacts with disks and floor, per disk."""
     power: float
-    """Work of the floor by the length [W]."""
+    """Power of the floor [W]."""
     growth: float
-    """Growth of kinetic and potential energy by the length [W]."""
+    """Growth of kinetic and potential energy per second [W]."""
     seconds: float
-    """Time on the machine for a simulated second."""
+    """Run time per simulated second."""
 
     @classmethod
     def of(cls, run: Run, settled: float, contact_time: float = 0.0) -> Steady:
         """Means of a history from `settled` [s] on."""
         rows, n = late(run, settled), run.timing.particles
-        length = float(np.ptp(rows["time"]))
+        length, energy = float(np.ptp(rows["time"])), rows["kinetic_energy"] + rows["potential_energy"]
         return cls(
-            contact_time=contact_time,
-            duration=length,
-            kinetic=float(rows["kinetic_energy"].mean()) / n,
-            height=float(rows["centre_z"].mean()),
+            contact_time=contact_time, duration=length,
+            kinetic=float(rows["kinetic_energy"].mean()) / n, height=float(rows["centre_z"].mean()),
             contacts=float(rows["contacts"].mean()) / n,
             power=float(rows["work"][-1] - rows["work"][0]) / length,
-            growth=float(np.diff((rows["kinetic_energy"] + rows["potential_energy"])[[0, -1]])[0]) / length,
+            growth=float(energy[-1] - energy[0]) / length,
             seconds=run.timing.stepping_s / float(rows["time"][-1]),
-        )
+        )  # fmt: skip
 
 
 def late(run: Run, settled: float) -> dict[str, np.ndarray]:

@@ -1,13 +1,13 @@
 # pyright: reportArgumentType=false, reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false
-"""Hard disks by time steps: move, find overlapping pairs, apply the rule of collision, repeat.
+"""Hard disks by time steps: move, find overlapping pairs, apply the collision rule, repeat.
 
-Two rules. The right one sets overlapping disks apart and turns back those that approach, each pair once in a
-step. The source's turns back every overlapping pair, also one that separates, and every disk beyond a wall.
-That alone would do little, for who has been set apart no longer overlaps: but its search meets the pairs of
-a cell from both sides in the same step, and after the first time the distance is one diameter up to rounding.
-Where that leaves it a last digit short, the pair is turned back again, to approach, and loses energy each
-time, whatever the step: a defect of this rule, not of time steps. Which pairs are met twice depends on the
-cells, so those of the source are taken over: 12 by 8 on 2 m by 1 m, the highest open.
+Two rules. The tested one separates overlapping disks and reverses those that approach, each pair once per
+step. The source's reverses every overlapping pair, also one that separates, and every disk beyond a wall.
+That alone would change little, for separated disks no longer overlap: but its search finds the pairs of a
+cell from both sides in the same step, and after the first time the distance is one diameter up to rounding.
+Where it is a last digit short, the pair is reversed again and loses energy each time, whatever the step: a
+defect of this rule, not of time steps. Which pairs are found twice depends on the cells, so those of the
+source are used: 12 by 8 on 2 m by 1 m, the highest open.
 
 One Warp kernel, one thread. Takes the problem of the event-driven engine, and shares nothing else with it.
 """
@@ -52,24 +52,15 @@ def _against_wall(x: real, v: real, at: real, inward: real, speed: real, e: real
 
 @wp.func
 def _move(
-    box: _Box,
-    dt: real,
-    tested: bool,
-    i: wp.int32,
-    x: wp.array[real],
-    z: wp.array[real],
-    u: wp.array[real],
-    w: wp.array[real],
-):
+    box: _Box, dt: real, tested: bool, i: wp.int32,
+    x: wp.array[real], z: wp.array[real], u: wp.array[real], w: wp.array[real],
+):  # fmt: skip
     """Disk i one step on, then against the walls."""
     px = x[i] + u[i] * dt
-    pz = z[i] + w[i] * dt
     vx = u[i]
     vz = w[i] - box.gravity * dt
-    if tested:
-        pz = pz - real(0.5) * box.gravity * dt * dt
-    else:  # falls on with the new velocity
-        pz = pz - box.gravity * dt * dt
+    # the source's rule moves with the new velocity
+    pz = z[i] + w[i] * dt - wp.where(tested, real(0.5), real(1.0)) * box.gravity * dt * dt
     e = box.wall_restitution
     pz, vz = _against_wall(pz, vz, box.floor, real(1.0), box.speed, e[2], box.radius, tested)
     px, vx = _against_wall(px, vx, box.lo, real(1.0), real(0.0), e[0], box.radius, tested)
@@ -82,21 +73,15 @@ def _move(
 
 @wp.func
 def _collide(
-    box: _Box,
-    tested: bool,
-    i: wp.int32,
-    j: wp.int32,
-    x: wp.array[real],
-    z: wp.array[real],
-    u: wp.array[real],
-    w: wp.array[real],
-):
-    """The rule of collision for a pair of disks, if they overlap."""
+    box: _Box, tested: bool, i: wp.int32, j: wp.int32,
+    x: wp.array[real], z: wp.array[real], u: wp.array[real], w: wp.array[real],
+):  # fmt: skip
+    """The collision rule for a pair of disks, if they overlap."""
     half = real(0.5)
     rx = x[i] - x[j]
     rz = z[i] - z[j]
     distance = wp.sqrt(rx * rx + rz * rz)
-    # two pushed into one corner are set to the same place: they have no normal
+    # two disks in one corner may be set to the same place, without a normal
     if distance < box.diameter and distance > real(0.0):
         nx = rx / distance
         nz = rz / distance
@@ -122,22 +107,13 @@ def _collide(
 @wp.kernel(enable_backward=False)
 def _run(
     # params
-    box: _Box,
-    dt: real,
-    steps: wp.int32,
-    stride: wp.int32,
-    tested: bool,
+    box: _Box, dt: real, steps: wp.int32, stride: wp.int32, tested: bool,
     # in and out
-    x: wp.array[real],
-    z: wp.array[real],
-    u: wp.array[real],
-    w: wp.array[real],
-    cell: wp.array[wp.int32],
-    head: wp.array[wp.int32],
-    next: wp.array[wp.int32],
+    x: wp.array[real], z: wp.array[real], u: wp.array[real], w: wp.array[real],
+    cell: wp.array[wp.int32], head: wp.array[wp.int32], next: wp.array[wp.int32],
     # out
     heights: wp.array[real],
-):
+):  # fmt: skip
     n = x.shape[0]
     for k in range(1, steps + 1):
         for c in range(COLUMNS * ROWS):
@@ -181,7 +157,7 @@ def mean_heights(
         step: Time step [s].
         duration: Length of the run [s].
         every: Time between rows [s].
-        tested: Whether only what approaches is turned back, and each pair once: else the source's rule.
+        tested: Whether only approaching disks are reversed, each pair once: else the source's rule.
     """
     compile_kernels(find_device("cpu"), [_run])
     walls, material = problem.segments[0][2], int(problem.material[0])
