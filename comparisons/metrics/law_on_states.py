@@ -1,0 +1,257 @@
+"""The contact law evaluated on states that a code has written, and what the code's own motion says of its forces.
+
+Positions and velocities at every step determine the mean force of each step. Where each particle has one contact
+at a time, this is the force of that contact, and is compared with the law at the same states: independent of how
+the code came there. Hertz with tangential history, from primary inputs by `comparisons.oracles.bodies`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from comparisons.oracles.bodies import Bodies, bodies
+from gpudem.scene import Scene
+
+Trace = dict[str, np.ndarray]
+
+#: Particles up to which all pairs are searched at all steps.
+MOST_PARTICLES = 64
+#: Share of the normal impulse below which a tangential impulse is measured by it instead of by itself.
+SMALL = 0.01
+
+
+@dataclasses.dataclass(frozen=True)
+class Touch:
+    """A contact of particle row `i` with row `other`, or with the plane of that name."""
+
+    i: int
+    other: int | str
+
+    def __str__(self) -> str:
+        partner = self.other if isinstance(self.other, str) else self.other + 1
+        return f"{self.i + 1} / {partner}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Law:
+    """The law, or the law with a classical mistake."""
+
+    lever: bool = True
+    """Lever R - overlap/2; False: R."""
+    relative: bool = True
+    """Friction from the velocity relative to the partner; False: from the velocity of the particle."""
+    projected: bool = True
+    """The spring is projected onto the tangent plane."""
+    mass: str = "reduced"
+    """Mass in the dashpots: reduced; first or second: that of one of the two."""
+    wall: str = "plane"
+    """plane: R* = R, m* = m at a wall; sphere: those of two equal spheres."""
+
+
+#: Classical mistakes, in words.
+MISTAKES = {
+    "lever R instead of R - overlap/2": Law(lever=False),
+    "friction from the absolute velocity": Law(relative=False),
+    "spring not projected onto the tangent plane": Law(projected=False),
+    "mass of the first particle in the damping instead of the reduced mass": Law(mass="first"),
+    "mass of the second particle in the damping instead of the reduced mass": Law(mass="second"),
+    "wall taken as a sphere of equal radius and mass": Law(wall="sphere"),
+}
+
+
+def judged(scene: Scene, trace: Trace) -> str:
+    """Why the law cannot be evaluated on a trace; empty if it can."""
+    law = scene.contact
+    if len(scene.state) > MOST_PARTICLES:
+        return f"more than {MOST_PARTICLES} particles"
+    if law.normal != "hertz" or law.tangential == "no_history" or scene.needs.rolling or law.frictionless_dashpot:
+        return "the law is evaluated only for hertz with history, without rolling friction"
+    if scene.needs.vibration or scene.needs.periodic or scene.needs.gate:
+        return "the law is evaluated only with walls at rest and without periodic sides"
+    if len(trace["step"]) != scene.n_steps + 1:
+        return "states are not written at every step"
+    return ""
+
+
+def overlap(scene: Scene, position: np.ndarray, touch: Touch) -> tuple[np.ndarray, np.ndarray]:
+    """(normal towards particle i (t, 3), overlap [m] (t,)) of a contact along a trace."""
+    radius = scene.state.radius
+    if isinstance(touch.other, str):
+        plane = next(p for p in scene.planes if p.name == touch.other)
+        normal = np.broadcast_to(np.array(plane.normal), position[:, touch.i].shape)
+        return normal, radius[touch.i] - plane.gap(position[:, touch.i])
+    d = position[:, touch.i] - position[:, touch.other]
+    distance = np.linalg.norm(d, axis=1)
+    return d / distance[:, None], radius[touch.i] + radius[touch.other] - distance
+
+
+def isolated(scene: Scene, position: np.ndarray) -> tuple[list[Touch], int]:
+    """(contacts along a trace whose particles have no other one meanwhile, number of the other contacts)."""
+    n, found = len(scene.state), {}
+    others = [Touch(i, plane.name) for plane in scene.planes for i in range(n)]
+    for touch in [*others, *(Touch(i, j) for i in range(n) for j in range(i + 1, n))]:
+        on = overlap(scene, position, touch)[1] > 0
+        if on.any():
+            found[touch] = on
+    count = np.zeros(position.shape[:2], int)
+    for touch, on in found.items():
+        for row in _rows(touch):
+            count[on, row] += 1
+    alone = [t for t, on in found.items() if (count[on][:, _rows(t)] == 1).all()]
+    return alone, len(found) - len(alone)
+
+
+def _rows(touch: Touch) -> list[int]:
+    return [touch.i] if isinstance(touch.other, str) else [touch.i, touch.other]
+
+
+def verlet_error(trace: Trace) -> float:
+    """Largest difference of a velocity from the central difference of positions, by the largest speed.
+
+    Rounding for velocity Verlet, whatever the forces; of first order in the step for other schemes.
+    """
+    dt = trace["time"][1] - trace["time"][0]
+    central = (trace["position"][2:] - trace["position"][:-2]) / (2 * dt)
+    scale = np.linalg.norm(trace["velocity"], axis=-1).max()
+    return float(np.linalg.norm(trace["velocity"][1:-1] - central, axis=-1).max() / scale)
+
+
+def _half_step(scene: Scene, trace: Trace) -> tuple[np.ndarray, np.ndarray]:
+    """Velocities and spins half a step before each state of a velocity Verlet run, from its states."""
+    dt = scene.time.step
+    v, w = trace["velocity"].copy(), trace["angular_velocity"].copy()
+    v[1:] = np.diff(trace["position"], axis=0) / dt
+    if "torque" in trace:
+        inertia = 0.4 * scene.masses * scene.state.radius**2
+        w[1:] = trace["angular_velocity"][:-1] + dt / 2 * trace["torque"][:-1] / inertia[:, None]
+        return v, w
+    for k in range(2, len(w)):  # the state is the mean of the two half steps around it
+        w[k] = 2 * trace["angular_velocity"][k - 1] - w[k - 1]
+    return v, w
+
+
+@dataclasses.dataclass(frozen=True)
+class Compared:
+    """Forces of one contact on particle i, of a code and of the law at its states, and the code's torque."""
+
+    touch: Touch
+    normal: tuple[np.ndarray, np.ndarray]
+    """(of the code, of the law) [N], each (steps,)."""
+    tangential: tuple[np.ndarray, np.ndarray]
+    """[N], each (steps, 3)."""
+    torque: tuple[np.ndarray, np.ndarray]
+    """(of the code, lever x its tangential force) [N m], each (steps, 3)."""
+
+    def differences(self) -> dict[str, float]:
+        """Impulse of the difference, as a share of that of the law: normal, tangential, torque [1]."""
+        pushed = np.abs(self.normal[1]).sum()
+        slid = max(np.linalg.norm(self.tangential[1], axis=1).sum(), SMALL * pushed)
+        arm = np.linalg.norm(self.torque[1], axis=1).sum()
+        arm = max(arm, SMALL * pushed * arm / max(np.linalg.norm(self.tangential[0], axis=1).sum(), 1e-300))
+        found = {"normal force": np.abs(self.normal[0] - self.normal[1]).sum() / pushed}
+        found["tangential force"] = np.linalg.norm(self.tangential[0] - self.tangential[1], axis=1).sum() / slid
+        if arm > 0:
+            found["torque"] = np.linalg.norm(self.torque[0] - self.torque[1], axis=1).sum() / arm
+        return {name: float(value) for name, value in found.items()}
+
+    def absent(self) -> int:
+        """Steps in which the law has a force and the code has none."""
+        law = np.hypot(self.normal[1], np.linalg.norm(self.tangential[1], axis=1))
+        code = np.hypot(self.normal[0], np.linalg.norm(self.tangential[0], axis=1))
+        return int(np.count_nonzero((law > 1e-3 * law.max()) & (code < 1e-6 * law.max())))
+
+
+def compare(scene: Scene, trace: Trace, touch: Touch, verlet: bool, law: Law | None = None) -> Compared:
+    """The forces of one isolated contact.
+
+    `verlet`: of a velocity Verlet run, whose forces at the states follow from these, the law with half-step
+    velocities; else mean forces over each step, the law as the mean of both ends.
+    """
+    law, dt, i = law or Law(), scene.time.step, touch.i
+    n, depth = overlap(scene, trace["position"], touch)
+    v, w = _half_step(scene, trace) if verlet else (trace["velocity"], trace["angular_velocity"])
+    mass, gravity = scene.masses[i], np.array(scene.gravity)
+    inertia = 0.4 * mass * scene.state.radius[i] ** 2
+    fn, ft, arm = _forces(scene, bodies(scene, i, touch.other), touch, law, n, depth, v, w)
+    spinning = inertia * np.diff(trace["angular_velocity"][:, i], axis=0) / dt
+    on = depth > 0
+    used = on[1:] if verlet else on[1:] | on[:-1]
+    if verlet:
+        got = 2 * mass * (trace["velocity"][:, i] - v[:, i]) / dt - mass * gravity
+        got[0] = 0.0
+        got[~on] = 0.0
+        along = (got * n).sum(axis=1)
+        across = got - along[:, None] * n
+        turning = -arm[:, None] * np.cross(n, across)
+        turning = (turning[1:] + turning[:-1]) / 2
+        normal, tangential = (along[1:], fn[1:]), (across[1:], ft[1:])
+    else:
+        got = mass * np.diff(trace["velocity"][:, i], axis=0) / dt - mass * gravity
+        middle = n[1:] + n[:-1]
+        middle = middle / np.linalg.norm(middle, axis=1)[:, None]
+        along = (got * middle).sum(axis=1)
+        across = got - along[:, None] * middle
+        turning = -((arm[1:] + arm[:-1]) / 2)[:, None] * np.cross(middle, across)
+        normal, tangential = (along, (fn[1:] + fn[:-1]) / 2), (across, (ft[1:] + ft[:-1]) / 2)
+    return Compared(
+        touch,
+        (normal[0][used], normal[1][used]),
+        (tangential[0][used], tangential[1][used]),
+        (spinning[used], turning[used]),
+    )
+
+
+def _forces(
+    scene: Scene, b: Bodies, touch: Touch, law: Law, n: np.ndarray, depth: np.ndarray, v: np.ndarray, w: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(normal force (t,), tangential force (t, 3) on i, lever (t,)) by the law at the states."""
+    i, radius, delta = touch.i, scene.state.radius, np.maximum(depth, 0.0)
+    b = _mistaken(b, law)
+    cut = delta / 2 if law.lever else 0.0 * delta
+    relative, turning = v[:, i], (radius[i] - cut)[:, None] * w[:, i]
+    if not isinstance(touch.other, str):
+        relative = relative - v[:, touch.other]
+        turning = turning + (radius[touch.other] - cut)[:, None] * w[:, touch.other]
+    along = (relative * n).sum(axis=1)
+    kn, kt = b.normal_constant * np.sqrt(delta), b.tangential_constant * np.sqrt(delta)
+    mass = {"reduced": b.mass_star, "first": b.mass[0], "second": b.mass[1]}[law.mass]
+    scale = delta**0.25 * math.sqrt(mass / b.mass_star if math.isfinite(mass) else 1.0)
+    fn = kn * delta - b.normal_damping * scale * along
+    if scene.contact.limit_force:
+        fn = np.maximum(fn, 0.0)
+    fn = np.where(depth > 0, fn, 0.0)
+    slip = (relative if law.relative else v[:, i]) - np.cross(turning, n)
+    slip = slip - (slip * n).sum(axis=1)[:, None] * n
+    ct = b.tangential_damping * scale * scene.contact.tangential_damping
+    ft = np.zeros_like(slip)
+    if scene.contact.tangential == "history" and b.friction > 0:
+        _springs(scene.time.step, b.friction, law.projected, n, depth, slip, fn, kt, ct, ft)
+    return fn, ft, radius[i] - delta / 2
+
+
+def _springs(dt, friction, projected, n, depth, slip, fn, kt, ct, ft) -> None:
+    """Tangential forces [N] of one contact, written into `ft`; the spring is that of the states."""
+    spring = np.zeros(3)
+    for k in range(len(depth)):
+        if depth[k] <= 0:
+            spring = np.zeros(3)
+            continue
+        spring = spring + (dt if k else 0.0) * slip[k]
+        if projected:
+            spring = spring - (spring @ n[k]) * n[k]
+        elastic, limit = kt[k] * math.sqrt(spring @ spring), friction * abs(fn[k])
+        if elastic > limit:
+            spring = spring * (limit / elastic)
+            ft[k] = -kt[k] * spring
+        else:
+            ft[k] = -kt[k] * spring - ct[k] * slip[k]
+
+
+def _mistaken(b: Bodies, law: Law) -> Bodies:
+    """The bodies, or a wall as a sphere like the particle."""
+    if law.wall == "sphere" and b.is_wall:
+        return dataclasses.replace(b, mass=(b.mass[0],) * 2, radius=(b.radius[0],) * 2)
+    return b
