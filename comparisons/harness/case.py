@@ -181,6 +181,9 @@ class Check:
     """Codes whose runs it reads; left out, and said so, where one is not selected."""
     tiers: tuple[Tier, ...] = TIERS
     lo: float | None = None
+    half_step: bool = False
+    """Holds only of LIGGGHTS' half-step scheme at the step of the scene: agreement step by step. It is not
+    required of a code that declares another."""
 
 
 @dataclasses.dataclass(frozen=True)

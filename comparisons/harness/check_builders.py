@@ -112,7 +112,7 @@ def step_by_step(
             found[label] = trace.largest_difference(ours, theirs, scale(b))
         return largest(found, f"{note}, {len(found)} variants" if note else f"{len(found)} variants")
 
-    return per_pair(name, measure, **fields)
+    return per_pair(name, measure, **({"half_step": True} | fields))
 
 
 def observed_order(

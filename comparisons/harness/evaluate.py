@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from comparisons.harness import codes
+from comparisons.harness import brought, codes
 from comparisons.harness.case import (
     Case,
     Check,
@@ -96,9 +96,15 @@ class Evaluation:
 
     def check(self, check: Check) -> CheckResult:
         """Evaluate one check; an exception becomes an error result with its message."""
+        why = brought.not_required(check, self.runs)
+        if why:
+            return outcome(self.case, check, "left_out", why)
         status, why, found = self._measure(check)
         if status == "ok":
             status = "pass" if holds(check, found["value"]) else "fail"
+        if status == "fail":
+            why = brought.explained(check, found["value"], self.runs, self._results(check.needs))
+            status = "left_out" if why else "fail"
         return outcome(self.case, check, status, why, **found)
 
     def finding(self, finding: Finding) -> FindingResult:
@@ -125,7 +131,7 @@ class Evaluation:
         except Unmeasured as error:
             return "left_out", str(error), {}
         except Exception as error:
-            return "error", describe(error), {}
+            return *self._without(error), {}
 
     def follow_up(self) -> list[Variant]:
         """The variants that depend on the runs that there are."""
@@ -175,8 +181,13 @@ class Evaluation:
             except Unmeasured as error:
                 status, why = "left_out", str(error)
             except Exception as error:
-                status, why = "error", describe(error)
+                status, why = self._without(error)
         return Artefact(kind, item.title, item.caption, item.section, file, status, why, item.recorded)
+
+    def _without(self, error: Exception) -> tuple[Any, str]:
+        """(status, why) where an exception ended a measure, such as a column that a code does not write."""
+        why = brought.not_written(error, self.runs) if isinstance(error, KeyError) else ""
+        return ("left_out", why) if why else ("error", describe(error))
 
     def _results(self, needs: tuple[str, ...]) -> Results:
         failed, absent = (

@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from comparisons.harness import codes, jobs, provenance, recorded_cases, setup_table
+from comparisons.harness import attribution, codes, jobs, provenance, recorded_cases, setup_table
 from comparisons.harness.case import Case, Tier, Variant
 from comparisons.harness.evaluate import Evaluation, describe, outcome
 from comparisons.harness.progress import Reporter, duration
@@ -356,16 +356,20 @@ class Session:
         evaluation.sort(self._order)
         checks = self._checks(evaluation, result)
         self.comparison.checks += checks
-        findings = [evaluation.finding(f) for f in case.case.findings_of(self.tier, self.selected)]
+        ran = tuple(dict.fromkeys(code for _, code in evaluation.runs))
+        own = [evaluation.finding(finding) for finding in attribution.findings(ran)]
+        findings = [evaluation.finding(f) for f in case.case.findings_of(self.tier, self.selected)] + own
         self.comparison.findings += findings
         figures = [f for f in case.case.figures if self.tier in f.tiers]
-        tables = [t for t in case.case.tables if self.tier in t.tiers]
+        tables = [t for t in (*attribution.tables(ran), *case.case.tables) if self.tier in t.tiers]
         result.artefacts[:] = [evaluation.figure(f, self.directory, k) for k, f in enumerate(figures, 1)]
         result.artefacts.extend(evaluation.table(t, self.directory, k) for k, t in enumerate(tables, 1))
         result = dataclasses.replace(result, headline=evaluation.headline(checks))
         case.spent += time.monotonic() - began
         self._replace(dataclasses.replace(result, wall_s=case.spent))
         self._say(result, checks, findings, case.spent)
+        for finding in own:
+            self.reporter.say(f"  {finding.name}: {finding.note or finding.why}")
         self.write()
         return checks
 

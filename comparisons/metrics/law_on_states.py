@@ -1,8 +1,8 @@
-"""The contact law evaluated on states that a code has written, and what the code's own motion says of its forces.
+"""The contact law evaluated on the states that a code has written, and the forces that its motion shows.
 
-Positions and velocities at every step determine the mean force of each step. Where each particle has one contact
-at a time, this is the force of that contact, and is compared with the law at the same states: independent of how
-the code came there. Hertz with tangential history, from primary inputs by `comparisons.oracles.bodies`.
+Positions and velocities at every step determine the mean force of each step. Where each particle has one
+contact at a time, this is the force of that contact. It is compared with the law at the same states, whatever
+led there. Hertz with tangential history, from primary inputs by `comparisons.oracles.bodies`.
 """
 
 from __future__ import annotations
@@ -67,7 +67,8 @@ def judged(scene: Scene, trace: Trace) -> str:
     law = scene.contact
     if len(scene.state) > MOST_PARTICLES:
         return f"more than {MOST_PARTICLES} particles"
-    if law.normal != "hertz" or law.tangential == "no_history" or scene.needs.rolling or law.frictionless_dashpot:
+    other = law.normal != "hertz" or law.tangential == "no_history"
+    if other or scene.needs.rolling or law.frictionless_dashpot:
         return "the law is evaluated only for hertz with history, without rolling friction"
     if scene.needs.vibration or scene.needs.periodic or scene.needs.gate:
         return "the law is evaluated only with walls at rest and without periodic sides"
@@ -152,7 +153,9 @@ class Compared:
         arm = np.linalg.norm(self.torque[1], axis=1).sum()
         arm = max(arm, SMALL * pushed * arm / max(np.linalg.norm(self.tangential[0], axis=1).sum(), 1e-300))
         found = {"normal force": np.abs(self.normal[0] - self.normal[1]).sum() / pushed}
-        found["tangential force"] = np.linalg.norm(self.tangential[0] - self.tangential[1], axis=1).sum() / slid
+        found["tangential force"] = (
+            np.linalg.norm(self.tangential[0] - self.tangential[1], axis=1).sum() / slid
+        )
         if arm > 0:
             found["torque"] = np.linalg.norm(self.torque[0] - self.torque[1], axis=1).sum() / arm
         return {name: float(value) for name, value in found.items()}
@@ -175,7 +178,7 @@ def compare(scene: Scene, trace: Trace, touch: Touch, verlet: bool, law: Law | N
     v, w = _half_step(scene, trace) if verlet else (trace["velocity"], trace["angular_velocity"])
     mass, gravity = scene.masses[i], np.array(scene.gravity)
     inertia = 0.4 * mass * scene.state.radius[i] ** 2
-    fn, ft, arm = _forces(scene, bodies(scene, i, touch.other), touch, law, n, depth, v, w)
+    fn, ft, lever = _forces(scene, bodies(scene, i, touch.other), touch, law, n, depth, v, w)
     spinning = inertia * np.diff(trace["angular_velocity"][:, i], axis=0) / dt
     on = depth > 0
     used = on[1:] if verlet else on[1:] | on[:-1]
@@ -185,7 +188,7 @@ def compare(scene: Scene, trace: Trace, touch: Touch, verlet: bool, law: Law | N
         got[~on] = 0.0
         along = (got * n).sum(axis=1)
         across = got - along[:, None] * n
-        turning = -arm[:, None] * np.cross(n, across)
+        turning = -lever[:, None] * np.cross(n, across)
         turning = (turning[1:] + turning[:-1]) / 2
         normal, tangential = (along[1:], fn[1:]), (across[1:], ft[1:])
     else:
@@ -194,7 +197,7 @@ def compare(scene: Scene, trace: Trace, touch: Touch, verlet: bool, law: Law | N
         middle = middle / np.linalg.norm(middle, axis=1)[:, None]
         along = (got * middle).sum(axis=1)
         across = got - along[:, None] * middle
-        turning = -((arm[1:] + arm[:-1]) / 2)[:, None] * np.cross(middle, across)
+        turning = -((lever[1:] + lever[:-1]) / 2)[:, None] * np.cross(middle, across)
         normal, tangential = (along, (fn[1:] + fn[:-1]) / 2), (across, (ft[1:] + ft[:-1]) / 2)
     return Compared(
         touch,
@@ -205,7 +208,14 @@ def compare(scene: Scene, trace: Trace, touch: Touch, verlet: bool, law: Law | N
 
 
 def _forces(
-    scene: Scene, b: Bodies, touch: Touch, law: Law, n: np.ndarray, depth: np.ndarray, v: np.ndarray, w: np.ndarray
+    scene: Scene,
+    b: Bodies,
+    touch: Touch,
+    law: Law,
+    n: np.ndarray,
+    depth: np.ndarray,
+    v: np.ndarray,
+    w: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(normal force (t,), tangential force (t, 3) on i, lever (t,)) by the law at the states."""
     i, radius, delta = touch.i, scene.state.radius, np.maximum(depth, 0.0)
@@ -229,7 +239,8 @@ def _forces(
     ft = np.zeros_like(slip)
     if scene.contact.tangential == "history" and b.friction > 0:
         _springs(scene.time.step, b.friction, law.projected, n, depth, slip, fn, kt, ct, ft)
-    return fn, ft, radius[i] - delta / 2
+    along = (ft * n).sum(axis=1)  # of a spring that is not projected
+    return fn + along, ft - along[:, None] * n, radius[i] - cut
 
 
 def _springs(dt, friction, projected, n, depth, slip, fn, kt, ct, ft) -> None:

@@ -127,18 +127,18 @@ def main():
     parser.add_argument("--digits", type=int, default=17)
     args = parser.parse_args()
     scene = json.loads(args.scene.read_text())
-    unable = {*map(str, scene["contact"].values())} - {"hertz", "history", "off", "True", "False", "None"}
+    laws = {scene["contact"][slot] for slot in ("normal", "tangential", "rolling")}
+    unable = laws - {"hertz", "history", "off"}
     unable |= {"vibration" for wall in scene["walls"] if wall["vibration"]}
     if unable or any(scene["domain"]["periodic"]):
         print("cannot run", *unable or ["periodic sides"], file=sys.stderr)
         sys.exit(77)
-    p = scene["particles"]
     if args.version == "reordered":
-        order = np.random.default_rng(1).permutation(len(p["id"]))
-        scene["particles"] = p = {key: [values[k] for k in order] for key, values in p.items()}
+        order = np.random.default_rng(1).permutation(len(scene["particles"]["id"]))
+        scene["particles"] = {key: [all[k] for k in order] for key, all in scene["particles"].items()}
     begin, rows = time.perf_counter(), ["step,id,x,y,z,vx,vy,vz,wx,wy,wz,fx,fy,fz,tx,ty,tz"]
     for step, *columns in run(scene, args.mistake, args.version):
-        for number, values in zip(p["id"], np.hstack(columns).tolist(), strict=True):
+        for number, values in zip(scene["particles"]["id"], np.hstack(columns).tolist(), strict=True):
             rows.append(",".join([str(step), str(number), *(f"{a:.{args.digits}g}" for a in values)]))
     about = {"name": "my_dem", "version": "1.0", "stepping_s": time.perf_counter() - begin}
     about["scheme"] = "half_step" if args.version in ("plain", "reordered") else args.version
