@@ -1,28 +1,28 @@
-"""MFIX-DEM's verification cases DEM01 to DEM05: drop, bounces, squeezed column, slipping, oblique impact."""
+"""MFIX-DEM's verification cases DEM01 to DEM05: drop, bounces, compressed column, slip, oblique impact."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from comparisons.cases.mfix import scenes as mfix
-from comparisons.cases.single_contact.checks import CODES
 from comparisons.cases.single_contact.meetings import errors, exact
-from comparisons.harness.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant
-from comparisons.metrics.trace import largest_difference
+from comparisons.harness import check_builders as build
+from comparisons.harness.case import TIERS, Case, Figure, Measured, Results, Tier, Variant, relative
+from comparisons.metrics.trace import slip_end
 from comparisons.oracles import closed_forms
 from comparisons.oracles.linear import Bouncer, hard_sphere_top, squeezed_column
 from comparisons.report import plots
 from gpudem.output.run import Run
 
 if TYPE_CHECKING:
-    import pandas
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as MatplotlibFigure
 
+#: (stiffness [N/m], restitution) of each sphere.
+Rows = tuple[tuple[float, float], ...]
 LONG: tuple[Tier, ...] = ("standard", "full")
 #: DEM02: (duration, time step) [s]; errors of first order add up from bounce to bounce.
 BOUNCING = {"standard": (2.0, 2e-6), "full": (10.0, 1e-6)}
@@ -38,7 +38,7 @@ def variants(tier: Tier) -> list[Variant]:
     return [Variant(s.name, s) for s in scenes]
 
 
-# -- measures: (value got, value wanted, label) of everything that is compared -----------------------------
+# -- measures: {what is compared: error, with the value of the code and the value expected} -----------------
 
 
 def bouncer(stiffness: float, restitution: float) -> Bouncer:
@@ -46,309 +46,253 @@ def bouncer(stiffness: float, restitution: float) -> Bouncer:
     return Bouncer(mfix.MASS, stiffness, restitution, mfix.GRAVITY, mfix.DROP)
 
 
-def path(results: Results, code: str, name: str, rows: tuple[tuple[float, float], ...]) -> Measured:
+def title(stiffness: float, restitution: float) -> str:
+    return f"k = {stiffness:g} N/m, e = {restitution:g}"
+
+
+def heights(results: Results, code: str, name: str, rows: Rows) -> dict[str, Measured]:
     """Largest difference of the height from the exact one over the trace, by the drop."""
-    trace, found = results[name, code].trace, []
-    for k, (stiffness, e) in enumerate(rows):
-        gap, _ = bouncer(stiffness, e).at(trace["time"])
+    trace, found = results[name, code].trace, {}
+    for k, row in enumerate(rows):
+        gap, _ = bouncer(*row).at(trace["time"])
         off = np.abs(trace["position"][:, k, 2] - mfix.BALL - gap).max() / mfix.DROP
-        found.append((float(off), f"k = {stiffness:g} N/m, e = {e:g}"))
-    return Measured(max(found)[0], note=f"{len(rows)} spheres; largest at {max(found)[1]}")
+        found[title(*row)] = Measured(float(off))
+    return found
 
 
-def speed_after(results: Results, code: str) -> Measured:
-    """DEM01: velocity of the rebound, largest relative error; from the first row after it."""
-    trace, rows = results["dem01", code].trace, []
-    for k, (stiffness, e) in enumerate(mfix.FALLS):
-        leave = bouncer(stiffness, e).phases(0.5)[2]
+def speed_after(results: Results, code: str) -> dict[str, Measured]:
+    """DEM01: velocity of the rebound, relative error; from the first row after it."""
+    trace, found = results["dem01", code].trace, {}
+    for k, row in enumerate(mfix.FALLS):
+        leave = bouncer(*row).phases(0.5)[2]
         after = int(np.argmax(trace["time"] > leave.start + 1e-3))
         got = float(trace["velocity"][after, k, 2]) + mfix.GRAVITY * (trace["time"][after] - leave.start)
-        rows.append((abs(got / leave.speed - 1), got, leave.speed, f"k = {stiffness:g} N/m, e = {e:g}"))
-    value, got, want, label = max(rows)
-    return Measured(value, got, want, f"largest at {label}")
+        found[title(*row)] = relative(got, leave.speed)
+    return found
 
 
-def tops(run: Run, row: int) -> list[float]:
-    """Height of the lowest point [m] at the top of each flight, from energy in the trace: z + v^2/(2 g)."""
+def first_top(run: Run, row: int) -> float:
+    """Height of the lowest point [m] at the top of the first flight, from energy: z + v^2/(2 g)."""
     z = run.trace["position"][:, row, 2] - mfix.BALL
     v = run.trace["velocity"][:, row, 2]
-    turns = np.flatnonzero((v[:-1] > 0) & (v[1:] <= 0) & (z[:-1] > 0))
-    return [float(z[k] + v[k] ** 2 / (2 * mfix.GRAVITY)) for k in turns]
-
-
-def softness(run: Run, row: int) -> float:
-    """|first top - that of a hard sphere| / it."""
-    hard = hard_sphere_top(mfix.DROP, mfix.BOUNCES[row][1], 1)
-    return abs(tops(run, row)[0] / hard - 1)
+    turn = np.flatnonzero((v[:-1] > 0) & (v[1:] <= 0) & (z[:-1] > 0))[0]
+    return float(z[turn] + v[turn] ** 2 / (2 * mfix.GRAVITY))
 
 
 def hard_limit(results: Results, code: str) -> Measured:
-    """Slope of log(distance from the hard sphere) against log(k) for e < 1: -1/2, since contact time ~
-    k^-1/2.
-    """
+    """Slope of log(distance from the hard sphere) in log(k) for e < 1: -1/2, as contact time ~ k^-1/2."""
     run, slopes = results["dem02", code], []
     for e in mfix.RESTITUTIONS[1:]:
-        off = [softness(run, mfix.BOUNCES.index((k, e))) for k in mfix.STIFFNESSES]
+        tops = [first_top(run, mfix.BOUNCES.index((k, e))) for k in mfix.STIFFNESSES]
+        off = np.abs(np.array(tops) / hard_sphere_top(mfix.DROP, e, 1) - 1)
         slopes.append(float(np.polyfit(np.log(mfix.STIFFNESSES), np.log(off), 1)[0]))
     return Measured(max(slopes, key=lambda s: abs(s + 0.5)), note=f"{len(slopes)} restitutions; farthest")
 
 
-def squeezed(results: Results, code: str) -> Measured:
-    """DEM03: largest difference of a height from the exact one, by the first overlap with the floor."""
-    run, worst = results["dem03", code], 0.0
+def column(results: Results, time: np.ndarray, restitution: float) -> np.ndarray:
+    """DEM03: exact heights of both spheres."""
     masses = [mfix.sphere_mass(mfix.GRAIN, d) for d in mfix.DENSITIES]
+    return results.once(
+        ("column", restitution),
+        lambda: squeezed_column(
+            time, mfix.HEIGHTS, mfix.GRAIN, masses, mfix.ROOF, mfix.SPRING, restitution, mfix.GRAVITY
+        ),
+    )
+
+
+def squeezed(results: Results, code: str) -> dict[str, Measured]:
+    """DEM03: largest difference of a height from the exact one, by the first overlap with the floor."""
+    trace, found = results["dem03", code].trace, {}
     for k, e in enumerate(mfix.RESTITUTIONS):
-        want = results.once(
-            ("column", e),
-            lambda e=e: squeezed_column(
-                run.trace["time"], mfix.HEIGHTS, mfix.GRAIN, masses, mfix.ROOF, mfix.SPRING, e, mfix.GRAVITY
-            ),
-        )
-        got = run.trace["position"][:, 2 * k : 2 * k + 2, 2]
-        worst = max(worst, float(np.abs(got - want).max()) / (mfix.GRAIN - mfix.HEIGHTS[0]))
-    return Measured(worst, note=f"{len(mfix.RESTITUTIONS)} restitutions")
+        off = trace["position"][:, 2 * k : 2 * k + 2, 2] - column(results, trace["time"], e)
+        found[f"e = {e:g}"] = Measured(float(np.abs(off).max()) / (mfix.GRAIN - mfix.HEIGHTS[0]))
+    return found
 
 
-def slip(run: Run, row: int) -> tuple[float, float, float]:
-    """DEM04: (end of slip [s], speed [m/s], R x spin [m/s]), the last two as means over the rolling."""
-    time = run.trace["time"]
-    speed = run.trace["velocity"][:, row, 0]
-    surface = mfix.GRAIN * run.trace["angular_velocity"][:, row, 1]
-    gone = speed - surface
-    middle = (gone < 0.75 * gone[0]) & (gone > 0.25 * gone[0]) & (time < time[np.argmin(gone)])
-    slope, offset = np.polyfit(time[middle], gone[middle], 1)
-    end = -offset / slope
-    late = time > end + 0.3 * (time[-1] - end)
-    return float(end), float(speed[late].mean()), float(surface[late].mean())
-
-
-def slipping(results: Results, code: str) -> Measured:
-    """DEM04: largest relative error of end of slip, final speed and final R x spin."""
-    rows = []
+def slipping(results: Results, code: str) -> dict[str, Measured]:
+    """DEM04: relative error of end of slip, and of speed and R x spin, means over the rolling."""
+    trace, found, final = results["dem04", code].trace, {}, 5 / 7 * mfix.THROW
+    time = trace["time"]
     for k, mu in enumerate(mfix.FRICTIONS):
-        final = 5 / 7 * mfix.THROW
-        want = (closed_forms.slip_time(mfix.THROW, mu, mfix.GRAVITY), final, final)
-        names = ("end of slip", "speed", "R x spin")
-        for name, got, value in zip(names, slip(results["dem04", code], k), want, strict=True):
-            rows.append((abs(got / value - 1), got, value, f"{name}, mu = {mu:g}"))
-    value, got, want, label = max(rows)
-    return Measured(value, got, want, f"largest at {label}")
+        speed, surface = trace["velocity"][:, k, 0], mfix.GRAIN * trace["angular_velocity"][:, k, 1]
+        end = slip_end(time, speed - surface)
+        late = time > end + 0.3 * (time[-1] - end)
+        slip_time = closed_forms.slip_time(mfix.THROW, mu, mfix.GRAVITY)
+        found[f"end of slip, mu = {mu:g}"] = relative(end, slip_time)
+        found[f"speed, mu = {mu:g}"] = relative(float(speed[late].mean()), final)
+        found[f"R x spin, mu = {mu:g}"] = relative(float(surface[late].mean()), final)
+    return found
 
 
-def pellet_errors(results: Results, code: str) -> Measured:
+def pellet_errors(results: Results, code: str) -> dict[str, Measured]:
     """DEM05: largest velocity or spin error against the ODE, by the impact speed."""
-    run = results["dem05", code]
-    found = [
-        (max(errors(results, run, m)[k] for k in ("velocity", "angular_velocity")), m.label)
-        for m in mfix.MEETINGS
-    ]
-    return Measured(max(found)[0], note=f"{len(found)} angles; largest at {max(found)[1]}")
+    found = {m.label: errors(results, results["dem05", code], m) for m in mfix.MEETINGS}
+    return {label: Measured(max(e["velocity"], e["angular_velocity"])) for label, e in found.items()}
 
 
 def pellet(run: Run, row: int) -> tuple[float, float, float]:
     """DEM05: (rebound angle [deg], tangential restitution [1], spin [rad/s]) of one sphere."""
     v, w = run.trace["velocity"][:, row], run.trace["angular_velocity"][-1, row]
-    return (
-        math.degrees(math.atan2(v[-1, 0], v[-1, 2])), float(v[-1, 0] / v[0, 0]), abs(float(w[1]))
-    )  # fmt: skip
+    return math.degrees(math.atan2(v[-1, 0], v[-1, 2])), float(v[-1, 0] / v[0, 0]), abs(float(w[1]))
 
 
-def published(results: Results, code: str) -> Measured:
-    """DEM05: largest relative difference from what MFIX-DEM prints, over its three columns."""
-    rows = []
-    for angle, mine in mfix.PUBLISHED.items():
-        got = pellet(results["dem05", code], mfix.ANGLES.index(angle))
-        want = (mine.rebound, mine.restitution, mine.spin)
-        for name, a, b in zip(("rebound angle", "restitution", "spin"), got, want, strict=True):
-            rows.append((abs(a / b - 1), a, b, f"{name} at {angle:g} deg"))
-    value, got, want, label = max(rows)
-    return Measured(value, got, want, f"largest at {label}")
+PELLET = ("rebound angle [deg]", "restitution [1]", "spin [rad/s]")
 
 
-def between(results: Results, column: str) -> Measured:
-    """Largest difference between the codes over all traces; scaled by radius, top speed, top speed /
-    radius.
-    """
-    found = {}
-    for label in results.labels():
-        ours, theirs = results[label, "gpudem"], results[label, "liggghts"]
-        radius = float(ours.scene.state.radius[0])
-        speed = float(np.linalg.norm(theirs.trace["velocity"], axis=-1).max())
-        scale = {"position": radius, "velocity": speed, "angular_velocity": speed / radius}[column]
-        found[label] = largest_difference(ours.trace[column], theirs.trace[column], scale)
-    worst = max(found, key=lambda label: np.nan_to_num(found[label], nan=np.inf))
-    return Measured(found[worst], note=f"{len(found)} scenes; largest in {worst}")
+def published(results: Results, code: str, quantity: int) -> dict[str, Measured]:
+    """DEM05: relative difference from one column of what MFIX-DEM prints."""
+    run = results["dem05", code]
+    return {
+        f"{angle:g} deg": relative(pellet(run, mfix.ANGLES.index(angle))[quantity], printed[quantity])
+        for angle, printed in mfix.PUBLISHED.items()
+    }
+
+
+def all_published(results: Results, code: str) -> dict[str, Measured]:
+    """DEM05: the same for all columns."""
+    columns = {name: published(results, code, k) for k, name in enumerate(PELLET)}
+    return {f"{name} at {angle}": m for name, found in columns.items() for angle, m in found.items()}
 
 
 # -- checks ------------------------------------------------------------------------------------------------
 
-Row = tuple[str, Callable[[Results, str], Measured], float, str, str, tuple[Tier, ...]]
 FIRST_ORDER = "the dashpot sees half-step velocities: first order, and below this at the step used"
-ANALYTICAL: tuple[Row, ...] = (
+#: (name, measure, reason, what it would catch, tiers); tolerance 1e-3.
+ANALYTICAL: tuple[tuple[str, Any, str, str, tuple[Tier, ...]], ...] = (
     ("DEM01: height, largest error over the fall, contact and rebound / drop",
-     lambda r, c: path(r, c, "dem01", mfix.FALLS), 1e-3, FIRST_ORDER,
-     "a stiffness of hooke that is not k; a damping that does not give e; gravity left out in contact",
-     ("quick", "standard", "full")),
-    ("DEM01: velocity of the rebound, relative error", speed_after, 1e-3, FIRST_ORDER,
-     "a contact that ends early or late, 1 % of damping", ("quick", "standard", "full")),
+     lambda r, c: heights(r, c, "dem01", mfix.FALLS), FIRST_ORDER,
+     "a stiffness of hooke that is not k; a damping that does not give e; no gravity during contact", TIERS),
+    ("DEM01: velocity of the rebound, relative error", speed_after, FIRST_ORDER,
+     "a contact that ends early or late, 1 % of damping", TIERS),
     ("DEM02: height, largest error over all bounces / drop",
-     lambda r, c: path(r, c, "dem02", mfix.BOUNCES), 1e-3,
+     lambda r, c: heights(r, c, "dem02", mfix.BOUNCES),
      FIRST_ORDER + "; errors of the bounces add up, by e = 0.9 over three of them",
-     "energy gained or lost at a touch, which grows from bounce to bounce", LONG),
-    ("DEM03: heights, largest error over time / first overlap", squeezed, 1e-3, FIRST_ORDER,
-     "an effective mass of pair or wall; a contact force that is not opposite",
-     ("quick", "standard", "full")),
-    ("DEM04: end of slip, final speed and R x spin, relative error", slipping, 1e-3,
-     "0.1 % asked; MFIX reaches 0.57 % and 0.04 %",
-     "friction other than mu N; a moment of inertia other than 2/5 m R^2", ("quick", "standard", "full")),
-    ("DEM05: velocity and R x spin, largest error / impact speed", pellet_errors, 1e-3,
-     "1300 steps a contact; without damping the error is of second order but where slip sets in",
-     "a tangential stiffness other than 8 G* sqrt(R* d): the angles below 25 degrees stick",
-     ("quick", "standard", "full")),
+     "energy gained or lost in a contact, which grows from bounce to bounce", LONG),
+    ("DEM03: heights, largest error over time / first overlap", squeezed, FIRST_ORDER,
+     "an effective mass of pair or wall; a contact force that is not opposite", TIERS),
+    ("DEM04: end of slip, final speed and R x spin, relative error", slipping,
+     "0.1 % is required; MFIX reaches 0.57 % and 0.04 %",
+     "friction other than mu N; a moment of inertia other than 2/5 m R^2", TIERS),
+    ("DEM05: velocity and R x spin, largest error / impact speed", pellet_errors,
+     "1300 steps a contact; without damping the error is of second order except where slip begins",
+     "a tangential stiffness other than 8 G* sqrt(R* d): the angles below 25 degrees stick", TIERS),
 )  # fmt: skip
+
+
+def _top_speed(run: Run) -> float:
+    return float(np.linalg.norm(run.trace["velocity"], axis=-1).max())
+
 
 CHECKS = (
     *(
-        Check(
-            name=f"{name}, largest difference over all traces",
-            measure=lambda results, column=column: between(results, column),
-            tolerance=1e-9, unit="1", against="LIGGGHTS", mark="X", needs=CODES,
-            reason="same law, same scheme: rounding, over up to a million steps",
-            catches="hooke put together otherwise, a bounce that starts a step late",
+        build.step_by_step(
+            f"{name}, largest difference over all traces", column, scale,
+            tolerance=1e-9, reason="same law, same scheme: rounding, over up to a million steps",
+            catches="hooke with other constants, a bounce that starts a step late",
         )
-        for name, column in (
-            ("position / radius", "position"), ("velocity / top speed", "velocity"),
-            ("R x angular velocity / top speed", "angular_velocity"),
+        for name, column, scale in (
+            ("position / radius", "position", lambda run: run.scene.state.radius[0]),
+            ("velocity / top speed", "velocity", _top_speed),
+            ("R x angular velocity / top speed", "angular_velocity",
+             lambda run: _top_speed(run) / run.scene.state.radius[0]),
         )
     ),
     *(
-        Check(
-            name=f"{name} ({code})",
-            measure=lambda results, code=code, measure=measure: measure(results, code),
-            tolerance=tolerance, unit="1", against="ODE (DOP853, rtol 1e-13)" if "DEM05" in name
-            else "closed form", mark="A", needs=(code,), reason=reason, catches=catches, tiers=tiers,
+        build.per_code(
+            name, measure, tolerance=1e-3, reason=reason, catches=catches, tiers=tiers,
+            against="ODE (DOP853, rtol 1e-13)" if "DEM05" in name else "closed form",
         )
-        for code in CODES
-        for name, measure, tolerance, reason, catches, tiers in ANALYTICAL
+        for name, measure, reason, catches, tiers in ANALYTICAL
     ),
-    *(
-        Check(
-            name=f"DEM02: power of k with which bounce 1 tends to the hard sphere's e^2 h ({code})",
-            measure=lambda results, code=code: hard_limit(results, code),
-            lo=-0.53, tolerance=-0.47, unit="1", against="closed form", mark="A", needs=(code,), tiers=LONG,
-            reason="-1/2 to leading order; the next, 1/k, is worth a few per cent of it at k = 5e4 N/m",
-            catches="a loss that does not vanish in the hard limit",
-        )
-        for code in CODES
+    build.per_code(
+        "DEM02: power of k with which bounce 1 tends to the hard sphere's e^2 h", hard_limit,
+        lo=-0.53, tolerance=-0.47, against="closed form", tiers=LONG,
+        reason="-1/2 to leading order; the next term, 1/k, is a few per cent of it at k = 5e4 N/m",
+        catches="a loss that does not vanish in the hard limit",
     ),
-    *(
-        Check(
-            name=f"DEM05: rebound angle, restitution and spin, relative difference ({code})",
-            measure=lambda results, code=code: published(results, code),
-            tolerance=0.01, unit="1", against="MFIX-DEM, AUTOTEST of DEM05", mark="P", needs=(code,),
-            reason="MFIX takes the arm R, LIGGGHTS' law R - overlap/2 (0.2 % of the spin), and its own step",
-            catches="another tangential stiffness: 2/3 of it moves the rebound angle at 10 degrees by 18 %",
-        )
-        for code in CODES
+    build.per_code(
+        "DEM05: rebound angle, restitution and spin, relative difference", all_published,
+        tolerance=0.01, against="MFIX-DEM, AUTOTEST of DEM05", mark="P",
+        reason="MFIX takes the arm R, LIGGGHTS' law R - overlap/2 (0.2 % of the spin), and its own step",
+        catches="another tangential stiffness: 2/3 of it changes the rebound angle at 10 degrees by 18 %",
     ),
 )  # fmt: skip
 
 
-# -- figures -----------------------------------------------------------------------------------------------
+# -- figure ------------------------------------------------------------------------------------------------
 
 
-def _drop_axes(
-    axes: Axes, results: Results, name: str, rows: tuple[tuple[float, float], ...], only: float
-) -> None:
-    """Height in time of the spheres of one stiffness: exact, and both codes' marks."""
+def _drop_axes(axes: Axes, results: Results, name: str, rows: Rows, only: float) -> None:
+    """Height in time of the spheres of one stiffness: exact, and the codes' marks."""
+    ran = results.codes(name)
     for k, (stiffness, e) in enumerate(rows):
-        if stiffness != only:
-            continue
-        color = plots.SERIES[mfix.RESTITUTIONS.index(e)]
-        for code in results.codes(name):
-            trace = results[name, code].trace
-            if code == CODES[0]:
-                gap, _ = bouncer(stiffness, e).at(trace["time"])
-                axes.plot(trace["time"], gap + mfix.BALL, "-", color=color, lw=0.9, label=f"e = {e:g}")
-            every = max(1, len(trace["time"]) // 45)
-            mark = "x" if code == CODES[0] else "o"
-            axes.plot(
-                trace["time"][::every], trace["position"][::every, k, 2], mark, color=color, ms=4, mfc="none"
-            )
-    axes.set(xlabel="time [s]", ylabel="height of the centre [m]")
+        if stiffness == only:
+            color = plots.SERIES[mfix.RESTITUTIONS.index(e)]
+            time = results[name, ran[0]].trace["time"]
+            gap, _ = bouncer(stiffness, e).at(time)
+            axes.plot(time, gap + mfix.BALL, "-", color=color, lw=0.9, label=f"e = {e:g}")
+            for code in ran:
+                look = plots.marks(code, color=color, markersize=4, markevery=max(1, len(time) // 45))
+                axes.plot(time, results[name, code].trace["position"][:, k, 2], **look)
+    axes.set(xlabel="time [s]", ylabel="height of the center [m]")
     axes.set_title(f"{name.upper()}, k = {only:g} N/m")
 
 
+def _column_axes(axes: Axes, results: Results) -> None:
+    """DEM03: height of the upper sphere."""
+    ran = results.codes("dem03")
+    time = results["dem03", ran[0]].trace["time"]
+    for k, e in enumerate(mfix.RESTITUTIONS):
+        if e in (1.0, 0.7, 0.5):
+            look = {"color": plots.SERIES[k], "lw": 0.9, "label": f"e = {e:g}"}
+            axes.plot(time, column(results, time, e)[:, 1], "-", **look)
+            for code in ran:
+                look = plots.marks(code, color=plots.SERIES[k], markersize=4, markevery=25)
+                axes.plot(time, results["dem03", code].trace["position"][:, 2 * k + 1, 2], **look)
+    axes.set(xlabel="time [s]", ylabel="height of the upper sphere [m]")
+    axes.set_title("DEM03")
+    axes.margins(y=0.18)
+    plots.legend(axes, loc="lower right", ncols=3)
+
+
+def _pellet_axes(axes: Axes, results: Results) -> None:
+    """DEM05: rebound angle."""
+    ran = results.codes("dem05")
+    solved = [exact(results, results["dem05", ran[0]].scene, m) for m in mfix.MEETINGS]
+    ode = [math.degrees(math.atan2(-t.contact.final[3], t.contact.final[2])) for t in solved]
+    axes.plot(mfix.ANGLES, np.abs(ode), **plots.style("oracle"))
+    for code in ran:
+        angles = [pellet(results["dem05", code], k)[0] for k in range(len(mfix.ANGLES))]
+        axes.plot(mfix.ANGLES, angles, **plots.marks(code, color=plots.color(code), label=plots.name(code)))
+    printed = [p[0] for p in mfix.PUBLISHED.values()]
+    axes.plot(list(mfix.PUBLISHED), printed, "+", color="#009e73", ms=11, label="MFIX-DEM")
+    axes.set(xlabel="impact angle [deg]", ylabel="rebound angle of the center [deg]")
+    axes.set_title("DEM05")
+    plots.legend(axes)
+
+
 def _figure(results: Results) -> MatplotlibFigure:
-    long = "dem02" in results.labels()
     figure, axes = plots.figure(2, 2, width=plots.WHOLE, height=6.6)
     _drop_axes(axes[0, 0], results, "dem01", mfix.FALLS, 1e4)
-    plots.legend(axes[0, 0], loc="lower left")
-    if long:
-        _drop_axes(axes[0, 1], results, "dem02", mfix.BOUNCES, 5e4)
-    else:
-        _drop_axes(axes[0, 1], results, "dem01", mfix.FALLS, 1e5)
-    low = axes[1, 0]
-    for code in results.codes("dem03"):
-        run = results["dem03", code]
-        squeezed(results, code)
-        for k, e in enumerate(mfix.RESTITUTIONS):
-            if e not in (1.0, 0.7, 0.5):
-                continue
-            color = plots.SERIES[k]
-            if code == results.codes("dem03")[0]:
-                exactly = results.cache["column", e]
-                low.plot(run.trace["time"], exactly[:, 1], "-", color=color, lw=0.9, label=f"e = {e:g}")
-            mark = "x" if code == CODES[0] else "o"
-            time, height = run.trace["time"][::25], run.trace["position"][::25, 2 * k + 1, 2]
-            low.plot(time, height, mark, color=color, ms=4, mfc="none")
-    low.set(xlabel="time [s]", ylabel="height of the upper sphere [m]")
-    low.set_title("DEM03")
-    low.margins(y=0.18)
-    plots.legend(low, loc="lower right", ncols=3)
-    last = axes[1, 1]
-    solved = [exact(results, results["dem05", results.codes()[0]].scene, m) for m in mfix.MEETINGS]
-    ode = [math.degrees(math.atan2(-t.contact.final[3], t.contact.final[2])) for t in solved]
-    last.plot(mfix.ANGLES, np.abs(ode), label="exact", color="#000000", lw=0.9)
-    for code in results.codes("dem05"):
-        angles = [pellet(results["dem05", code], k)[0] for k in range(len(mfix.ANGLES))]
-        look = plots.style(code, linestyle="none", marker="x" if code == CODES[0] else "o")
-        last.plot(mfix.ANGLES, angles, **look)
-    plus = plots.style("event_driven", linestyle="none", marker="+", markersize=11, label="MFIX-DEM")
-    last.plot(list(mfix.PUBLISHED), [p.rebound for p in mfix.PUBLISHED.values()], **plus)
-    last.set(xlabel="impact angle [deg]", ylabel="rebound angle of the centre [deg]")
-    last.set_title("DEM05")
-    plots.legend(last)
+    plots.legend(axes[0, 0], points=results.codes(), loc="lower left")
+    long = "dem02" in results.labels()
+    second = ("dem02", mfix.BOUNCES, 5e4) if long else ("dem01", mfix.FALLS, 1e5)
+    _drop_axes(axes[0, 1], results, *second)
+    _column_axes(axes[1, 0], results)
+    _pellet_axes(axes[1, 1], results)
     return figure
-
-
-def _table(results: Results) -> pandas.DataFrame:
-    import pandas
-
-    run = results["dem05", "gpudem"]
-    rows = []
-    for k, angle in enumerate(mfix.ANGLES):
-        row: dict[str, object] = {"impact angle [deg]": angle}
-        printed = mfix.PUBLISHED.get(angle)
-        columns = (("rebound angle [deg]", "rebound"), ("tangential restitution [1]", "restitution"))
-        for (name, field), got in zip((*columns, ("spin [rad/s]", "spin")), pellet(run, k), strict=True):
-            row[f"gpudem: {name}"] = got
-            row[f"MFIX-DEM: {name}"] = getattr(printed, field) if printed else ""
-        rows.append(row)
-    return pandas.DataFrame(rows)
 
 
 CASE = Case(
     name="mfix_dem",
     title="MFIX-DEM's verification cases DEM01 to DEM05",
     purpose=(
-        "The verification cases of another public code, with its numbers and as matrices rather than single"
-        " points: a sphere dropped on a floor (19 pairs of stiffness and restitution), its repeated bounces"
-        " (18, against the exact motion and the hard sphere's limit), two spheres squeezed between floor and"
-        " roof (6), a sphere thrown along a floor (9 frictions), and alumina spheres that hit glass at 8"
-        " angles. The linear spring of the first four is `hooke` with a Young's modulus worked out so that k"
-        " is the one wanted; the fifth is run with the Hertz law. MFIX' linear variant of DEM05 is left out:"
-        " it has k_t = 0.86 k_n, and hooke, in LIGGGHTS and here, has k_t = k_n."
+        "The verification cases of another public code, with its numbers, over ranges of parameters: a sphere"
+        " dropped on a floor (19 pairs of stiffness and restitution), its repeated bounces (18, against the"
+        " exact motion and the limit of hard spheres), two spheres compressed between floor and roof (6), a"
+        " sphere thrown along a floor (9 frictions), and alumina spheres on glass at 8 angles. The first four"
+        " have linear springs, here `hooke` with the Young's modulus that gives k; the fifth has the Hertz"
+        " law. MFIX' linear variant of DEM05 cannot be stated: it has k_t = 0.86 k_n, hooke has k_t = k_n."
     ),
     source=(
         "MFIX-DEM tests/dem/DEM01 to DEM05 (set-ups, analytic solutions, AUTOTEST results); Kharaz, Gorham"
@@ -359,13 +303,18 @@ CASE = Case(
     figures=(
         Figure(
             "DEM01, DEM02, DEM03 and DEM05",
-            "Lines: exact; crosses: gpudem; circles: LIGGGHTS; plus signs: MFIX-DEM's own results. All four"
-            " lie on one another; soft springs let the sphere sink through a tenth of a metre and rebound"
-            " lower than a hard one.",
-            _figure, needs=CODES,
+            "Lines: exact; plus signs: MFIX-DEM's own results. With soft springs the overlap reaches a tenth"
+            " of a meter, and the rebound is lower than that of a hard sphere.",
+            _figure,
         ),
     ),
-    tables=(Table("DEM05 beside MFIX-DEM's printed results", "Hertz law, sphere on wall.", _table),),
+    tables=(
+        build.table(
+            "DEM05 beside MFIX-DEM's printed results", "Hertz law, sphere on wall.",
+            {name: lambda r, c, k=k: published(r, c, k) for k, name in enumerate(PELLET)},
+            reference="MFIX-DEM",
+        ),
+    ),
     features=(
         "normal hooke", "normal hertz", "damping", "gravity", "wall plane", "several materials",
         "sphere-sphere", "tangential history", "rotation",

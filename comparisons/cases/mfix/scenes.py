@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
 
+from comparisons.cases.side_by_side import every_pair, floor
 from comparisons.cases.single_contact.meetings import Meeting
 from comparisons.oracles import linear
 from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
 
 GRAVITY = 9.80665
-#: Velocity [m/s] at which `hooke` takes its stiffness from E; any will do, since E is worked out for it.
+#: Velocity [m/s] at which `hooke` takes its stiffness from E; arbitrary, since E is computed for it.
 SPEED = 1.0
 POISSON = 0.3
 HARD = 1e12
@@ -25,7 +25,7 @@ FALLS = tuple((k, e) for k in (1e4, 2.5e4, 5e4, 1e5) for e in (1.0, 0.9, 0.8, 0.
 STIFFNESSES, RESTITUTIONS = (5e4, 5e5, 5e6), (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
 BOUNCES = tuple((k, e) for k in STIFFNESSES for e in RESTITUTIONS)
 
-# DEM03: two spheres squeezed between floor and roof, 20 % and 10 % of the radius overlapping.
+# DEM03: two spheres compressed between floor and roof; overlaps 10 % and 20 % of the radius.
 GRAIN, ROOF, SPRING, HEIGHTS = 5e-4, 0.0018, 1e3, (4.5e-4, 1.35e-3)
 DENSITIES = (2e4, 1e4)
 
@@ -55,15 +55,7 @@ def ball(stiffness: float, radius: float, density: float) -> Material:
 
 
 FLOOR = Material(young=HARD, poisson=POISSON, density=2500.0)
-GROUND = Plane(name="floor", material="floor", point=(0, 0, 0), normal=(0, 0, 1))
 HOOKE = Contact(normal="hooke", characteristic_velocity=SPEED)
-
-
-def _every_pair(names: list[str], stated: list[Pair]) -> list[Pair]:
-    """The pairs stated, and e = 1 for all others, which never meet: both codes want the whole table."""
-    known = {frozenset(p.materials) for p in stated}
-    rest = [(a, b) for k, a in enumerate(names) for b in names[k:] if frozenset((a, b)) not in known]
-    return [*stated, *(Pair(materials=pair) for pair in rest)]
 
 
 def falls(
@@ -74,11 +66,11 @@ def falls(
     pairs = [Pair(materials=(n, "floor"), restitution=e) for n, (_, e) in zip(names, rows, strict=True)]
     materials = {n: ball(k, BALL, DENSITY) for n, (k, _) in zip(names, rows, strict=True)}
     return Scene(
-        name=name, materials=materials | {"floor": FLOOR}, pairs=_every_pair(names, pairs), contact=HOOKE,
+        name=name, materials=materials | {"floor": FLOOR}, pairs=every_pair(names, pairs), contact=HOOKE,
         particles=Explicit(
             position=[(0.3 * k, 0.0, BALL + DROP) for k in range(len(rows))], radius=BALL, material=names
         ),
-        gravity=(0.0, 0.0, -GRAVITY), walls=[GROUND],
+        gravity=(0.0, 0.0, -GRAVITY), walls=[floor()],
         domain=Domain(lo=(-0.2, -0.2, -0.1), hi=(0.3 * len(rows), 0.2, 0.7)),
         time=Time(step=step, duration=duration), output=Output(trace_every=every),
         allow=["large_overlap"],  # at 1e4 N/m as in MFIX: the softest sinks in by more than half its radius
@@ -93,8 +85,10 @@ def column() -> Scene:
         for r, m in ((GRAIN, lower), (GRAIN / 2, lower * upper / (lower + upper)), (GRAIN, upper))
     ]
     share = (soft[1] / 2, soft[1] / 2, soft[0] - soft[1] / 2, soft[2] - soft[1] / 2)
-    made = [Material(young=(1 - POISSON**2) / c, poisson=POISSON, density=DENSITIES[k == 1])
-            for k, c in enumerate(share)]  # fmt: skip
+    made = [
+        Material(young=(1 - POISSON**2) / c, poisson=POISSON, density=DENSITIES[k == 1])
+        for k, c in enumerate(share)
+    ]
     materials, balls, pairs = {"floor": made[2], "roof": made[3]}, [], []
     for k, e in enumerate(RESTITUTIONS):
         below, above = f"lower_{k}", f"upper_{k}"
@@ -104,13 +98,13 @@ def column() -> Scene:
             Pair(materials=p, restitution=e) for p in ((below, "floor"), (below, above), (above, "roof"))
         ]
     return Scene(
-        name="dem03", materials=materials, pairs=_every_pair([*balls, "floor", "roof"], pairs), contact=HOOKE,
+        name="dem03", materials=materials, pairs=every_pair([*balls, "floor", "roof"], pairs), contact=HOOKE,
         particles=Explicit(
             position=[(0.002 * (k // 2), 0.0, HEIGHTS[k % 2]) for k in range(len(balls))],
             radius=GRAIN, material=balls,
         ),
         gravity=(0.0, 0.0, -GRAVITY),
-        walls=[GROUND, Plane(name="roof", material="roof", point=(0, 0, ROOF), normal=(0, 0, -1))],
+        walls=[floor(), Plane(name="roof", material="roof", point=(0, 0, ROOF), normal=(0, 0, -1))],
         domain=Domain(lo=(-0.002, -0.002, 0.0), hi=(0.002 * len(RESTITUTIONS), 0.002, ROOF)),
         time=Time(step=1e-7, duration=1e-3), output=Output(trace_every=1e-6), allow=["overlap"],
     )  # fmt: skip
@@ -122,13 +116,13 @@ def throws() -> Scene:
     rest = sphere_mass(GRAIN, THROWN_DENSITY) * GRAVITY / THROWN_SPRING
     pairs = [Pair(materials=(n, "floor"), friction=mu) for n, mu in zip(names, FRICTIONS, strict=True)]
     return Scene(
-        name="dem04", pairs=_every_pair(names, pairs), contact=HOOKE,
+        name="dem04", pairs=every_pair(names, pairs), contact=HOOKE,
         materials=dict.fromkeys(names, ball(THROWN_SPRING, GRAIN, THROWN_DENSITY)) | {"floor": FLOOR},
         particles=Explicit(
             position=[(0.0, 0.002 * k, GRAIN - rest) for k in range(len(names))],
             velocity=[(THROW, 0.0, 0.0)] * len(names), radius=GRAIN, material=names,
         ),
-        gravity=(0.0, 0.0, -GRAVITY), walls=[GROUND],
+        gravity=(0.0, 0.0, -GRAVITY), walls=[floor()],
         domain=Domain(lo=(-0.001, -0.001, -0.0001), hi=(0.01, 0.002 * len(names), 0.004)),
         time=Time(step=1e-6, duration=0.02), output=Output(trace_every=2e-5),
     )  # fmt: skip
@@ -145,7 +139,7 @@ def pellets() -> Scene:
             Pair(materials=("alumina", "alumina")), Pair(materials=("alumina", "glass"), friction=SLIDING)
         ],
         particles=Explicit(position=position, velocity=velocity, radius=PELLET, material="alumina"),
-        walls=[Plane(name="floor", material="glass", point=(0, 0, 0), normal=(0, 0, 1))],
+        walls=[floor("glass")],
         domain=Domain(lo=(-0.01, -0.01, -0.001), hi=(0.01, 0.01 * len(ANGLES), 0.01)),
         time=Time(step=PELLET_STEP, duration=1.8e-5), output=Output(trace_every=PELLET_STEP),
     )  # fmt: skip
@@ -154,20 +148,9 @@ def pellets() -> Scene:
 MEETINGS = [Meeting(f"{a:g} deg", k, "floor") for k, a in enumerate(ANGLES)]
 
 
-@dataclasses.dataclass(frozen=True)
-class Published:
-    """What MFIX-DEM prints for DEM05, Hertz law, particle on wall (CurtinIDS/mfix tests/dem/DEM05)."""
-
-    rebound: float
-    """Angle of the centre's velocity after the impact [deg]."""
-    restitution: float
-    """Tangential velocity after/before [1]."""
-    spin: float
-    """Angular velocity [rad/s]."""
-
-
+#: What MFIX-DEM prints for DEM05, Hertz law, particle on wall (CurtinIDS/mfix tests/dem/DEM05). Impact angle
+#: -> angle of the center's velocity after it [deg], tangential velocity after/before [1], spin [rad/s].
 PUBLISHED = {
-    10.0: Published(6.9401, 0.6903, 208.38), 20.0: Published(12.6178, 0.6150, 510.53),
-    30.0: Published(21.4722, 0.6813, 618.39), 45.0: Published(39.2144, 0.8160, 505.29),
-    60.0: Published(57.1386, 0.8938, 357.66),
+    10.0: (6.9401, 0.6903, 208.38), 20.0: (12.6178, 0.6150, 510.53), 30.0: (21.4722, 0.6813, 618.39),
+    45.0: (39.2144, 0.8160, 505.29), 60.0: (57.1386, 0.8938, 357.66),
 }  # fmt: skip
