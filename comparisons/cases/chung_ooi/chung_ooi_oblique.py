@@ -1,12 +1,10 @@
-"""Chung and Ooi (2011), tests 4 and 5: oblique impacts on a rigid plane at constant speed, at constant normal
-speed.
-"""
+"""Chung and Ooi (2011), tests 4 and 5: oblique impacts on a rigid plane."""
 
 from __future__ import annotations
 
 from comparisons.cases.chung_ooi import figures
 from comparisons.cases.chung_ooi.checks import against_ode, against_published, coulomb
-from comparisons.cases.chung_ooi.scenes import T4, T5, Test
+from comparisons.cases.chung_ooi.scenes import T4, T5
 from comparisons.cases.single_contact.checks import step_by_step
 from comparisons.harness.case import Case, Tier, Variant
 
@@ -18,12 +16,11 @@ RUNGS: dict[Tier, tuple[int, ...]] = {
 }
 BOTH = {"al_oxide": "Al_oxide", "al_alloy": "Al_alloy"}
 FEM = {"steel": "FEM_Wu2003", "polyethylene": "FEM_Wu2003"}
-DEM = {"steel": "steel_DEM", "polyethylene": "polyethylene_DEM"}
 FIRST_ORDER = (
-    "dashpots see half-step velocities, and grip and slip begin at whole steps: about first order, scattered"
-    " by where in a step they fall"
+    "dashpots see half-step velocities, and sticking and slip begin at whole steps: about first order,"
+    " scattered by where in a step they begin"
 )
-KRATOS = "what Kratos asks of itself against these points; the exact law itself is {} from them"
+KRATOS = "the tolerance of Kratos' own tests against these points; the exact law differs from them by {}"
 
 
 def variants(tier: Tier) -> list[Variant]:
@@ -34,27 +31,27 @@ def variants(tier: Tier) -> list[Variant]:
     ]
 
 
-def _panel(test: Test) -> dict[str, dict[str, str]]:
-    if test is T4:
-        return {
-            "al_oxide": {"Al_oxide": "published, Al oxide", "experiment_Kharaz": "experiment"},
-            "al_alloy": {"Al_alloy": "published, Al alloy"},
-        }
-    return {
+#: Published curves by test and material: column -> label.
+PANELS = {
+    4: {
+        "al_oxide": {"Al_oxide": "published, Al oxide", "experiment_Kharaz": "experiment"},
+        "al_alloy": {"Al_alloy": "published, Al alloy"},
+    },
+    5: {
         "steel": {"steel_DEM": "published DEM, steel", "FEM_Wu2003": "published FEM"},
         "polyethylene": {"polyethylene_DEM": "published DEM, polyethylene"},
-    }
-
+    },
+}
 
 CASE = Case(
     name="chung_ooi_oblique",
     title="Chung and Ooi, tests 4 and 5: oblique impacts",
     purpose=(
-        "The oblique half of the benchmark, on a rigid plane. Test 4: spheres of 5 mm at 3.9 m/s and angles"
-        " from nearly head-on to grazing, restitution 0.98, friction 0.092, as in the experiment of Kharaz,"
-        " Gorham and Salman (2001). Test 5: spheres of 20 um, elastic, 5 m/s along the normal and 0.1 to 21"
-        " m/s along the plane, against finite elements. At grazing angles the contact slides throughout and"
-        " the answer is Coulomb's; at steep ones the tangential spring decides."
+        "Oblique impacts on a rigid plane. Test 4: spheres of 5 mm at 3.9 m/s and angles from nearly normal"
+        " to grazing, restitution 0.98, friction 0.092, as in the experiment of Kharaz, Gorham and Salman"
+        " (2001). Test 5: spheres of 20 um, elastic, 5 m/s along the normal and 0.1 to 21 m/s along the"
+        " plane, against finite elements. At grazing angles the contact slides throughout and Coulomb's law"
+        " gives the answer; at steep ones the tangential spring decides."
     ),
     source=(
         "Chung and Ooi, Granular Matter 13 (2011) 643; Kharaz, Gorham and Salman, Powder Technol. 120 (2001)"
@@ -65,29 +62,29 @@ CASE = Case(
         *(c for t in (T4, T5) for c in step_by_step(t.meetings(), spin=True, prefix=f"T{t.number}_")),
         *against_ode(T4, "T4_", {"standard": 1e-3}, (0.7, 1.6), FIRST_ORDER),
         *against_ode(T5, "T5_", {"standard": 1e-3}, (0.7, 2.2), FIRST_ORDER),
-        *against_published(T4, "T4_", "et", "T4_et", BOTH, 1.6e-2, KRATOS.format("0.5 %")),
-        *against_published(T4, "T4_", "omega", "T4_omega", BOTH, 2.2e-2, KRATOS.format("1.0 %")),
-        *against_published(
+        against_published(T4, "T4_", "et", "T4_et", BOTH, 1.6e-2, KRATOS.format("0.5 %")),
+        against_published(T4, "T4_", "omega", "T4_omega", BOTH, 2.2e-2, KRATOS.format("1.0 %")),
+        against_published(
             T4, "T4_", "angle", "T4_rebound_angle_contact_point", {"al_oxide": "Al_oxide"}, 2.5e-2,
             KRATOS.format("1.4 %"),
         ),
-        *against_published(
-            T5, "T5_", "rebound", "T5_rebound", FEM, 3e-2, "sliding branch; points read off print",
+        against_published(
+            T5, "T5_", "rebound", "T5_rebound", FEM, 3e-2, "sliding branch; points read from print",
             against="FEM, Wu et al. 2003", within=(8.0, 14.0),
         ),
-        *coulomb(
-            T4, "T4_", (0.995, 1.005), "e = 0.98 pulls little: 0.1 %; first it sticks for an instant",
+        coulomb(
+            T4, "T4_", (0.995, 1.005), "little tension at e = 0.98: 0.1 %; the first touch sticks briefly",
             "friction not capped at mu F_n",
         ),
-        *coulomb(
+        coulomb(
             T5, "T5_", (1 - 1e-6, 1 + 1e-6), "e = 1: no pull, no dashpot", "friction not capped at mu F_n"
         ),
     ),
     figures=(
         figures.curves(
             T4, "T4_", "Test 4: tangential restitution, spin and rebound angle",
-            "At 30 deg and beyond the contact slides throughout and everything lies together. Below 10"
-            " deg the experiment loses more than any of the curves, the published ones included.",
+            "From 30 deg on the contact slides throughout and all curves agree. Below 10 deg the experiment"
+            " loses more than any of the curves, the published ones included.",
             {
                 "et": ("T4_et", "angle [deg]", "v_t'/v_t"),
                 "omega": ("T4_omega", "angle [deg]", "spin after impact [rad/s]"),
@@ -95,19 +92,19 @@ CASE = Case(
                     "T4_rebound_angle_contact_point", "angle [deg]", "rebound angle of the surface [deg]"
                 ),
             },
-            _panel(T4),
+            PANELS[4],
         ),
         figures.curves(
             T5, "T5_", "Test 5: surface velocity and spin after impact",
-            "Beyond 7 all slides: the line x - 7. Below 1.5 the spring, without a dashpot here, stores shear"
-            " energy and gives it back, which neither FEM nor the published DEM shows; so only the sliding"
-            " branch is held to the points. The law follows the minimum of the finite elements better"
-            " than the DEM curve printed beside them.",
+            "Beyond 7 the contact slides: the line x - 7. Below 1.5 the spring, here without a dashpot,"
+            " stores shear energy and releases it, which neither FEM nor the published DEM shows; so only"
+            " the sliding branch is checked against the points. The law is nearer to the minimum of the"
+            " finite elements than the published DEM curve.",
             {
                 "rebound": ("T5_rebound", "v_s/(mu v_n)", "v_s'/(mu v_n')"),
                 "spin": ("T5_spin", "v_s/(mu v_n)", "R w'/(mu v_n)"),
             },
-            _panel(T5), {"rebound": figures.sliding_line(T5)},
+            PANELS[5], {"rebound": figures.sliding_line(T5)},
         ),
     ),
     tables=(figures.finals_table(T4, "T4_"), figures.finals_table(T5, "T5_")),

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from comparisons.cases.chung_ooi.checks import PAPER, distance
 from comparisons.cases.chung_ooi.scenes import Test, published
-from comparisons.cases.single_contact.checks import CODES
 from comparisons.cases.single_contact.meetings import exact, overlap
-from comparisons.harness.case import Check, Measured, Results
+from comparisons.harness import check_builders as build
+from comparisons.harness.case import Measured, PerCode, Results
 from gpudem.output.run import Run
 
 
@@ -25,16 +23,16 @@ def force_history(
 
 def force_curves(
     test: Test, prefix: str, table: str, published_within: tuple[float, float], reading: str
-) -> tuple[Check, ...]:
+) -> tuple[PerCode, ...]:
     """Per code: F against Hertz' at its own overlap; F(t), F(overlap) against the paper's points."""
 
-    def hertz(results: Results, code: str) -> Measured:
-        run, found = results[results.finest(prefix), code], []
+    def hertz(results: Results, code: str) -> dict[str, Measured]:
+        run, found = results[results.finest(prefix), code], {}
         for k, b in enumerate(test.balls):
             _, deep, force = force_history(results, run, test, k)
             want = test.bodies(b).normal_constant * np.maximum(deep, 0.0) ** 1.5
-            found.append(float(np.abs(force - want).max() / want.max()))
-        return Measured(max(found), note=", ".join(b.what for b in test.balls))
+            found[b.what] = Measured(float(np.abs(force - want).max() / want.max()))
+        return found
 
     def paper(results: Results, code: str, against: str) -> Measured:
         time, deep, force = force_history(results, results[results.finest(prefix), code], test, 0)
@@ -42,55 +40,45 @@ def force_curves(
         x = 1e6 * (time if against == "time" else deep)
         inside = (deep > 0) & ((against == "time") | (np.arange(len(x)) <= np.argmax(deep)))
         off, count = distance(x[inside], 1e-3 * force[inside], points)
-        c = test.bodies(test.balls[0])
         note = f"{count} points of {len(points)}, {test.balls[0].what}"
         if against != "time":
-            exact_off = np.abs(1e-3 * c.normal_constant * (1e-6 * points[:, 0]) ** 1.5 - points[:, 1])
-            note += f"; Hertz' curve itself is {exact_off.sum() / points[:, 1].sum():.2g} off"
+            k = test.bodies(test.balls[0]).normal_constant
+            exact_off = np.abs(1e-3 * k * (1e-6 * points[:, 0]) ** 1.5 - points[:, 1])
+            note += f"; Hertz' curve itself: {exact_off.sum() / points[:, 1].sum():.2g}"
         return Measured(off, note=note)
 
-    checks = []
-    for code in CODES:
-        common: dict[str, Any] = {"unit": "1", "needs": (code,)}
-        checks.append(
-            Check(
-                name=f"T{test.number}: force against 4/3 E* sqrt(R*) overlap^1.5, largest difference /"
-                f" largest force ({code})",
-                measure=lambda results, code=code: hertz(results, code),
-                tolerance=1e-10, against="closed form", mark="A",
-                reason="no damping: the force is a function of the overlap, known here to 1e-12",
-                catches="another modulus or radius, loading and unloading that differ", **common,
-            )
-        )  # fmt: skip
-        checks += [
-            Check(
-                name=f"T{test.number}: force against {against}, sum |difference| / sum |published| ({code})",
-                measure=lambda results, code=code, against=against: paper(results, code, against),
+    return (
+        build.per_code(
+            f"T{test.number}: force against 4/3 E* sqrt(R*) overlap^1.5, largest difference / largest force",
+            hertz, tolerance=1e-10, against="closed form",
+            reason="no damping: the force is a function of the overlap, known here to 1e-12",
+            catches="another modulus or radius, loading and unloading that differ",
+        ),
+        *(
+            build.per_code(
+                f"T{test.number}: force against {against}, sum |difference| / sum |published|",
+                lambda results, code, against=against: paper(results, code, against),
                 tolerance=bound, against=PAPER, mark="P", reason=reading,
-                catches="a misread parameter of the benchmark", **common,
+                catches="a misread parameter of the benchmark",
             )
             for against, bound in zip(("time", "displacement"), published_within, strict=True)
-        ]  # fmt: skip
-    return tuple(checks)
+        ),
+    )  # fmt: skip
 
 
-def momentum(test: Test, prefix: str) -> tuple[Check, ...]:
-    """Per code: momentum of each pair, largest at any step, by what one sphere brings."""
+def momentum(test: Test, prefix: str) -> PerCode:
+    """Per code: momentum of each pair, largest at any step, by that of one sphere."""
 
-    def value(results: Results, code: str) -> float:
-        run, found = results[results.finest(prefix), code], []
-        for m, b in zip(test.meetings(), test.balls, strict=True):
-            total = run.trace["velocity"][:, m.rows].sum(axis=1)  # equal masses
-            found.append(float(np.linalg.norm(total, axis=1).max() / b.normal))
-        return max(found)
+    def measure(results: Results, code: str) -> dict[str, Measured]:
+        velocity, found = results[results.finest(prefix), code].trace["velocity"], {}
+        for m, b in zip(test.meetings(), test.balls, strict=True):  # equal masses
+            total = np.linalg.norm(velocity[:, m.rows].sum(axis=1), axis=1)
+            found[b.what] = Measured(float(total.max() / b.normal))
+        return found
 
-    return tuple(
-        Check(
-            name=f"T{test.number}: momentum of a pair, largest / that of one sphere ({code})",
-            measure=lambda results, code=code: value(results, code),
-            tolerance=1e-12, unit="1", against="invariance", mark="A", needs=(code,),
-            reason="action and reaction: equal and opposite to rounding, over 4000 steps",
-            catches="a force that acts on one of the two, or twice",
-        )
-        for code in CODES
+    return build.per_code(
+        f"T{test.number}: momentum of a pair, largest / that of one sphere", measure,
+        tolerance=1e-12, against="invariance",
+        reason="action and reaction: equal and opposite to rounding, over 4000 steps",
+        catches="a force that acts on one of the two, or twice",
     )  # fmt: skip
