@@ -139,6 +139,47 @@ def line_or_marks(code: str, length: int, dash: Any = "-", **changes: Any) -> di
     return marks(code, **{"markersize": 4, "markevery": max(1, length // 25), **changes})
 
 
+def exact_and_marks(axes: Axes, x: Any, exact: Any, found: Mapping[str, Any], color: str, label: str) -> None:
+    """An exact line in a color, and on it each code's values at the same x as some 45 points.
+
+    `found` and `exact` may come with an x of their own, as (x, y).
+    """
+    line = exact if isinstance(exact, tuple) else (x, exact)
+    axes.plot(*line, "-", color=color, linewidth=0.9, label=label)
+    for code, values in found.items():
+        xs, ys = values if isinstance(values, tuple) else (x, values)
+        axes.plot(xs, ys, **marks(code, color=color, markevery=max(1, len(xs) // 45)))
+
+
+def curves_and_differences(
+    x: Mapping[str, Any],
+    curves: Mapping[str, tuple[Mapping[str, Any], Any]],
+    *,
+    reference: str,
+    columns: int = 1,
+    **options: Any,
+) -> tuple[Figure, Any, Any]:
+    """(figure, upper axes, lower axes): curves {label: ({code: y}, exact y)} over x[label], each label in a
+    color. Lower axes, logarithmic: differences between compared codes (solid), and of the first code from the
+    exact curve (dashed), called `reference`. `options` go to `figure`.
+    """
+    fig, (top, low) = figure(2, 1, height=5.4, sharex=True, height_ratios=(1.5, 1), **options)
+    ran: list[str] = []
+    for (label, (found, exact)), shade in zip(curves.items(), SERIES, strict=False):
+        ran = list(found)
+        for code, values in found.items():
+            text = label if code == ran[0] else None
+            top.plot(x[label], values, **line_or_marks(code, len(values), color=shade, label=text))
+        gaps = [("--", found[ran[0]] - exact)]
+        gaps += [("-", found[a] - found[b]) for a, b in codes.pairs(ran)]
+        for dash, gap in gaps:
+            low.semilogy(x[label], np.maximum(np.abs(gap), 1e-18), dash, color=shade)
+    low.set_ylabel("difference")
+    low.set_title(f"solid: between the codes, dashed: {name(ran[0])} - {reference}", fontsize=9)
+    legend(top, lines=ran, ncols=columns)
+    return fig, top, low
+
+
 def legend(axes: Axes, *, points: Sequence[str] = (), lines: Sequence[str] = (), **options: Any) -> None:
     """A legend where something is labelled, each label once; below it, in black, how codes are drawn:
     `points` of them by `marks`, `lines` by `line_or_marks`.

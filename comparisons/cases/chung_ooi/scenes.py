@@ -1,11 +1,10 @@
-"""Tests 1 to 7 of Chung and Ooi (2011) as scenes: every material, angle, spin and restitution of a test side
-by side.
+"""Tests 1 to 7 of Chung and Ooi (2011) as scenes, all impacts of a test side by side.
 
 Y. C. Chung, J. Y. Ooi, Benchmark tests for verifying discrete element modelling codes at particle impact
 level, Granular Matter 13 (2011) 643-656, doi:10.1007/s10035-011-0277-0. The plane of tests 2 to 6 is rigid.
 An infinite modulus cannot be stated, and need not be: sphere and plane of 2 E each, same nu, have the E* =
 E/(1 - nu^2) and G* = G/(2 - nu) of the sphere on a rigid plane exactly. (A plane 1e6 times stiffer would be
-off by 1e-6, and past what codes allow for a modulus.)
+off by 1e-6, and above the moduli that codes allow.)
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ import dataclasses
 import functools
 import json
 import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +57,11 @@ class Ball:
         """Restitution in the paper."""
         return self.restitution if self.nominal is None else self.nominal
 
+    def corrected(self) -> Ball:
+        """The same with the restitution put in that comes out as stated under `limit_force`."""
+        put_in = closed_forms.restitution_to_put_in(self.restitution)
+        return dataclasses.replace(self, nominal=self.restitution, restitution=put_in)
+
 
 @dataclasses.dataclass(frozen=True)
 class Test:
@@ -96,7 +101,7 @@ class Test:
         return FLIGHT * min(self.contact_time(b) for b in self.balls)
 
     def meetings(self) -> list[Meeting]:
-        """Who meets whom, in the order of `balls`."""
+        """The impacts in the order of `balls`."""
         if self.paired:
             return [Meeting(b.what, 2 * k, 2 * k + 1) for k, b in enumerate(self.balls)]
         return [Meeting(b.what, k, PLANES[self.names.index(b.material)]) for k, b in enumerate(self.balls)]
@@ -112,89 +117,54 @@ class Test:
             n = -n
         return np.array([n, t, np.cross(t, n)])
 
-    @property
-    def _height(self) -> float:
-        """Distance [m] of the two planes."""
-        return 10 * self.radius
-
-    def _grid(self) -> tuple[int, float, float]:
-        """Impacts along a side of their square, half of that, the distance [m] of two of them.
-
-        The square stands about the origin, where positions have the most digits.
+    def _spheres(self, pitch: float, height: float) -> Explicit:
+        """All spheres `flight` before their touch; impacts `pitch` [m] apart on a square about the origin,
+        where positions have the most digits; planes `height` [m] apart.
         """
         side = math.ceil(math.sqrt(len(self.balls)))
-        return side, (side - 1) / 2, (5 if self.paired else 3.5) * self.radius
-
-    def _spheres(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, str]]:
-        """(position, velocity, angular velocity, material) of all, `flight` before their touch."""
-        side, middle, pitch = self._grid()
         rows: list[tuple[np.ndarray, np.ndarray, np.ndarray, str]] = []
         for k, b in enumerate(self.balls):
             n, t, axis = self.axes(k)
-            x, y = pitch * (k % side - middle), pitch * (k // side - middle)
+            x, y = pitch * (k % side - (side - 1) / 2), pitch * (k // side - (side - 1) / 2)
             velocity = -b.normal * n + b.tangential * t
-            name = _name(b)
             if self.paired:
-                centre = np.array([x, y, 0.0])
-                place = self.radius * n - self.flight * velocity
+                start, place = np.array([x, y, 0.0]), self.radius * n - self.flight * velocity
                 # gross spin about +axis on one side, the same surface velocity on the other
-                rows.append((centre + place, velocity, b.spin * axis, name))
-                rows.append((centre - place, -velocity, -b.spin * axis, name))
+                rows.append((start + place, velocity, b.spin * axis, _name(b)))
+                rows.append((start - place, -velocity, -b.spin * axis, _name(b)))
             else:
-                touch = np.array([x, y, self.radius if n[2] > 0 else self._height - self.radius])
-                rows.append((touch - self.flight * velocity, velocity, b.spin * axis, name))
-        return rows
-
-    def _walls(self) -> list[Plane]:
-        """A floor and a ceiling, where spheres do not meet each other."""
-        return [
-            Plane(
-                name=PLANES[k], material=f"{w}_plane", point=(0, 0, k * self._height),
-                normal=(0, 0, 1 - 2 * k),
-            )
-            for k, w in enumerate([] if self.paired else self.names)
-        ]  # fmt: skip
-
-    def _materials(self) -> tuple[dict[str, Material], list[Pair]]:
-        """Materials of spheres (one for each restitution) and of planes, and all their pairs."""
-        double = 1 if self.paired else 2
-        known = {n: m.model_copy(update={"young": double * m.young}) for n, m in self.materials.items()}
-        used = {_name(b): b for b in self.balls}
-        planes = [] if self.paired else self.names
-        pairs = [
-            Pair(materials=(a, f"{w}_plane"), restitution=b.restitution, friction=self.friction)
-            for a, b in used.items()
-            for w in planes
-        ]
-        pairs += [
-            Pair(materials=(a, c), restitution=b.restitution, friction=self.friction)
-            for k, (a, b) in enumerate(used.items())
-            for c in list(used)[k:]
-        ]
-        materials = {a: known[b.material] for a, b in used.items()}
-        return materials | {f"{w}_plane": known[w] for w in planes}, pairs
+                touch = np.array([x, y, self.radius if n[2] > 0 else height - self.radius])
+                rows.append((touch - self.flight * velocity, velocity, b.spin * axis, _name(b)))
+        position, velocity, spin, names = zip(*rows, strict=True)
+        return Explicit(
+            position=position, velocity=velocity, angular_velocity=spin, radius=self.radius,
+            material=list(names),
+        )  # fmt: skip
 
     def scene(self, dt: float, contact: Contact | None = None) -> Scene:
-        """All impacts, `flight` before their touch."""
-        _, middle, pitch = self._grid()
-        position, velocity, spin, names = zip(*self._spheres(), strict=True)
-        materials, pairs = self._materials()
-        z = 5 * self.radius if self.paired else 0.0
+        """All impacts, `flight` before their touch; spheres fly apart, or at a floor and a ceiling."""
+        planes, factor = ([], 1) if self.paired else (self.names, 2)
+        known = {n: m.model_copy(update={"young": factor * m.young}) for n, m in self.materials.items()}
+        used = {_name(b): b for b in self.balls}
+        partners = [(a, f"{w}_plane") for a in used for w in planes]
+        partners += [(a, c) for k, a in enumerate(used) for c in list(used)[k:]]
+        pitch, height = (5 if self.paired else 3.5) * self.radius, 10 * self.radius
+        half = pitch * ((math.ceil(math.sqrt(len(self.balls))) - 1) / 2 + 1)
+        z, room = 5 * self.radius if self.paired else 0.0, 0.1 * self.radius
         return Scene(
-            name=f"chung_ooi_{self.number}",
-            title=f"Chung and Ooi, test {self.number}, step {dt:.3g} s",
-            materials=materials,
-            pairs=pairs,
-            contact=contact or Contact(),
-            particles=Explicit(
-                position=position, velocity=velocity, angular_velocity=spin, radius=self.radius,
-                material=list(names),
-            ),
-            walls=self._walls(),
-            domain=Domain(
-                lo=(-pitch * (middle + 1), -pitch * (middle + 1), -z - 0.1 * self.radius),
-                hi=(pitch * (middle + 1), pitch * (middle + 1), max(z, self._height) + 0.1 * self.radius),
-            ),
+            name=f"chung_ooi_{self.number}", title=f"Chung and Ooi, test {self.number}, step {dt:.3g} s",
+            materials={a: known[b.material] for a, b in used.items()}
+            | {f"{w}_plane": known[w] for w in planes},
+            pairs=[
+                Pair(materials=pair, restitution=used[pair[0]].restitution, friction=self.friction)
+                for pair in partners
+            ],
+            contact=contact or Contact(), particles=self._spheres(pitch, height),
+            walls=[
+                Plane(name=name, material=f"{w}_plane", point=(0, 0, k * height), normal=(0, 0, 1 - 2 * k))
+                for k, (w, name) in enumerate(zip(planes, PLANES, strict=False))
+            ],
+            domain=Domain(lo=(-half, -half, -z - room), hi=(half, half, max(z, height) + room)),
             time=Time(
                 step=dt, duration=self.flight + AFTER * max(self.contact_time(b) for b in self.balls)
             ),
@@ -222,16 +192,14 @@ RESTITUTIONS = (0.2, 0.4, 0.6, 0.8, 1.0)
 ANGLES = (2.0, 3.5, 5.0, 7.5, 10.0, 12.5, *(float(a) for a in range(15, 90, 5)))
 SPEED_4 = 3.9
 #: Tangential speeds of test 5 [m/s].
-SPEEDS_5 = (
-    0.1, 0.3, 0.45, 0.6, 0.9, 1.2, 1.5, 1.8, 2.25, 2.7, 3, 3.75, 4.5, 5.25, 6, 7.5, 9, 12, 15, 18, 21,
-)  # fmt: skip
+SPEEDS_5 = (0.1, 0.3, 0.45, 0.6, 0.9, 1.2, 1.5, 1.8, 2.25, 2.7, 3, 3.75, 4.5, 5.25, 6, 7.5, 9, 12, 15, 18, 21)
 #: Spins of tests 6 and 7 [rad/s].
-SPINS = (
-    0.175, 0.3, 0.42, 0.6, 0.8, 1, 1.2, 1.5, 2, 2.4, 2.8, 3, 3.5, 4, 6, 8, 10, 12, 14, 21, 24,
-)  # fmt: skip
+SPINS = (0.175, 0.3, 0.42, 0.6, 0.8, 1, 1.2, 1.5, 2, 2.4, 2.8, 3, 3.5, 4, 6, 8, 10, 12, 14, 21, 24)
 
 
-def _each(names: tuple[str, ...], make: Any, values: tuple[float, ...]) -> tuple[Ball, ...]:
+def _each(
+    names: tuple[str, str], make: Callable[[str, float], Ball], values: Sequence[float]
+) -> tuple[Ball, ...]:
     return tuple(make(name, value) for name in names for value in values)
 
 
@@ -272,15 +240,7 @@ T6 = Test(
     6, {"al_alloy": ALLOY_33, "nylon": NYLON}, 0.1, 0.4, _each(("al_alloy", "nylon"), _spun, SPINS)
 )  # fmt: skip
 #: Test 6 with the restitution that makes `limit_force` give the paper's 0.5 instead of 0.55.
-T6_CORRECTED = dataclasses.replace(
-    T6,
-    balls=tuple(
-        dataclasses.replace(
-            b, nominal=b.restitution, restitution=closed_forms.restitution_to_put_in(b.restitution)
-        )
-        for b in T6.balls
-    ),
-)
+T6_CORRECTED = dataclasses.replace(T6, balls=tuple(b.corrected() for b in T6.balls))
 T7 = Test(
     7, {"al_alloy": ALLOY_33, "copper": COPPER}, 0.1, 0.4,
     _each(("al_alloy", "copper"), _spun, SPINS), paired=True,

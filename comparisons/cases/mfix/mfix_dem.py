@@ -224,16 +224,13 @@ CHECKS = (
 
 def _drop_axes(axes: Axes, results: Results, name: str, rows: Rows, only: float) -> None:
     """Height in time of the spheres of one stiffness: exact, and the codes' marks."""
-    ran = results.codes(name)
+    time = results[name, results.codes(name)[0]].trace["time"]
     for k, (stiffness, e) in enumerate(rows):
         if stiffness == only:
-            color = plots.SERIES[mfix.RESTITUTIONS.index(e)]
-            time = results[name, ran[0]].trace["time"]
             gap, _ = bouncer(stiffness, e).at(time)
-            axes.plot(time, gap + mfix.BALL, "-", color=color, lw=0.9, label=f"e = {e:g}")
-            for code in ran:
-                look = plots.marks(code, color=color, markersize=4, markevery=max(1, len(time) // 45))
-                axes.plot(time, results[name, code].trace["position"][:, k, 2], **look)
+            found = {c: results[name, c].trace["position"][:, k, 2] for c in results.codes(name)}
+            color = plots.SERIES[mfix.RESTITUTIONS.index(e)]
+            plots.exact_and_marks(axes, time, gap + mfix.BALL, found, color, f"e = {e:g}")
     axes.set(xlabel="time [s]", ylabel="height of the center [m]")
     axes.set_title(f"{name.upper()}, k = {only:g} N/m")
 
@@ -244,11 +241,9 @@ def _column_axes(axes: Axes, results: Results) -> None:
     time = results["dem03", ran[0]].trace["time"]
     for k, e in enumerate(mfix.RESTITUTIONS):
         if e in (1.0, 0.7, 0.5):
-            look = {"color": plots.SERIES[k], "lw": 0.9, "label": f"e = {e:g}"}
-            axes.plot(time, column(results, time, e)[:, 1], "-", **look)
-            for code in ran:
-                look = plots.marks(code, color=plots.SERIES[k], markersize=4, markevery=25)
-                axes.plot(time, results["dem03", code].trace["position"][:, 2 * k + 1, 2], **look)
+            found = {code: results["dem03", code].trace["position"][:, 2 * k + 1, 2] for code in ran}
+            exact_height = column(results, time, e)[:, 1]
+            plots.exact_and_marks(axes, time, exact_height, found, plots.SERIES[k], f"e = {e:g}")
     axes.set(xlabel="time [s]", ylabel="height of the upper sphere [m]")
     axes.set_title("DEM03")
     axes.margins(y=0.18)

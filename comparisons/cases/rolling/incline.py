@@ -86,11 +86,11 @@ def _figure(results: Results) -> MatplotlibFigure:
         unit, first = GRAVITY * math.sin(math.radians(slope)), results[label(slope), ran[0]]
         wanted = np.array([exact(first, slope, s * 2 / 7 * tangent) for s in grid]) / unit
         for j, name in enumerate(("acceleration", "a x angular acceleration")):
-            ax.plot(grid, wanted[:, j], color=plots.SERIES[j], lw=1.2, label=name)
+            found = {}
             for code in ran:
                 run = results[label(slope), code]
-                got = [rates(run, slope, k)[j] / unit for k in range(len(SHARES))]
-                ax.plot(SHARES, got, **plots.marks(code, color=plots.SERIES[j]))
+                found[code] = [rates(run, slope, k)[j] / unit for k in range(len(SHARES))]
+            plots.exact_and_marks(ax, SHARES, (grid, wanted[:, j]), found, plots.SERIES[j], name)
         ax.set(xlabel="mu / (2/7 tan(slope))", title=f"slope {slope:g} degrees")
     axes[0].set_ylabel("/ (g sin(slope))")
     plots.legend(axes[0], points=results.codes())

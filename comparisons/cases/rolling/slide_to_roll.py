@@ -8,7 +8,6 @@ import numpy as np
 
 from comparisons.cases.rolling.scenes import GRAVITY, RADIUS, on_plane, step_by_step
 from comparisons.harness import check_builders as build
-from comparisons.harness import codes
 from comparisons.harness.case import Case, Figure, Measured, Results, Variant, relative
 from comparisons.metrics import trace as measure
 from comparisons.oracles import closed_forms
@@ -79,24 +78,20 @@ def not_rolling(run: Run) -> str:
 
 
 def _figure(results: Results) -> MatplotlibFigure:
-    figure, (top, low) = plots.figure(2, 1, height=5.4, sharex=True, height_ratios=(1.5, 1))
-    ran = results.codes(EXACT)
+    ran, curves = results.codes(EXACT), {}
     time = results[EXACT, ran[0]].trace["time"]
     for k, (u, _, mu) in enumerate(THROWS):
         exact = np.array([closed_forms.slide_to_roll(t, u, mu, GRAVITY, RADIUS)[0] for t in time])
-        curves = {code: motion(results[EXACT, code], k) for code in ran}
-        for code, (speed, surface) in curves.items():
-            look = plots.line_or_marks(code, len(time), color=plots.SERIES[k])
-            top.plot(time, speed, **look, label=NAMES[k] if code == ran[0] else None)
-            top.plot(time, surface, **look, alpha=0.5)
-        gaps = [("--", curves[ran[0]][0] - exact)]
-        gaps += [("-", curves[a][0] - curves[b][0]) for a, b in codes.pairs(ran)]
-        for dash, gap in gaps:
-            low.semilogy(time, np.maximum(np.abs(gap), 1e-18), dash, color=plots.SERIES[k])
-    top.set_ylabel("velocity (full), R x spin (pale) [m/s]")
+        curves[NAMES[k]] = {code: motion(results[EXACT, code], k)[0] for code in ran}, exact
+    figure, top, low = plots.curves_and_differences(
+        dict.fromkeys(NAMES, time), curves, reference="closed form", columns=2, width=plots.WHOLE
+    )
+    for k, color in enumerate(plots.SERIES[: len(THROWS)]):
+        for code in ran:
+            surface = motion(results[EXACT, code], k)[1]
+            top.plot(time, surface, **plots.line_or_marks(code, len(time), color=color), alpha=0.5)
+    top.set(ylabel="velocity (full), R x spin (pale) [m/s]", ylim=(0, 1.45))
     low.set(ylabel="difference [m/s]", xlabel="time [s]")
-    low.set_title(f"solid: between the codes, dashed: {plots.name(ran[0])} - closed form", fontsize=9)
-    plots.legend(top, lines=ran)
     return figure
 
 

@@ -14,7 +14,6 @@ from comparisons.cases.single_contact.meetings import (
     observables,
     relative_velocity,
 )
-from comparisons.harness import codes
 from comparisons.harness.case import Figure, Results, Table
 from comparisons.metrics import trace as measure
 from comparisons.report import plots
@@ -32,31 +31,22 @@ def overlay(meetings: list[Meeting], prefix: str = "", component: int = 0, title
     name = ("normal", "tangential")[component]
 
     def draw(results: Results) -> MatplotlibFigure:
-        figure, (top, low) = plots.figure(
-            2, 1, width=plots.WHOLE, height=5.4, sharex=True, height_ratios=(1.5, 1)
-        )
-        label = results.finest(prefix)
+        label, since, curves = results.finest(prefix), {}, {}
         ran = results.codes(label)
         time = results[label, ran[0]].trace["time"]
-        for k, m in enumerate(meetings):
+        for m in meetings:
             truth = exact(results, results[label, ran[0]].scene, m)
-            scale, direction = float(np.hypot(truth.speed, truth.slip)), truth.frame[component]
-            since = (time - truth.touch) / truth.contact.duration
-            curves = {code: relative_velocity(results[label, code], m) @ direction / scale for code in ran}
-            for code, curve in curves.items():
-                text = m.label if code == ran[0] else None
-                look = plots.line_or_marks(code, len(since), color=plots.SERIES[k], label=text)
-                top.plot(since, curve, **look)
+            direction = truth.frame[component] / float(np.hypot(truth.speed, truth.slip))
             at = truth.at(time)["velocity"]
-            relative = at[:, 0] - (at[:, 1] if len(m.rows) > 1 else 0)
-            gaps = [("--", curves[ran[0]] - relative @ direction / scale)]
-            gaps += [("-", curves[a] - curves[b]) for a, b in codes.pairs(ran)]
-            for dash, gap in gaps:
-                low.semilogy(since, np.maximum(np.abs(gap), 1e-18), dash, color=plots.SERIES[k])
+            wanted = (at[:, 0] - (at[:, 1] if len(m.rows) > 1 else 0)) @ direction
+            found = {code: relative_velocity(results[label, code], m) @ direction for code in ran}
+            since[m.label] = (time - truth.touch) / truth.contact.duration
+            curves[m.label] = found, wanted
+        figure, top, low = plots.curves_and_differences(
+            since, curves, reference="ODE", columns=2, width=plots.WHOLE
+        )
         top.set_ylabel(f"{name} velocity / impact speed")
-        low.set(ylabel="difference", xlabel="time since the first touch / contact time", xlim=(-0.1, 1.3))
-        low.set_title(f"solid: between the codes, dashed: {plots.name(ran[0])} - ODE", fontsize=9)
-        plots.legend(top, lines=ran, ncols=2)
+        low.set(xlabel="time since the first touch / contact time", xlim=(-0.1, 1.3))
         return figure
 
     return Figure(

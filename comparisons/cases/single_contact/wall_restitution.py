@@ -5,8 +5,8 @@
 from __future__ import annotations
 
 from comparisons.cases.side_by_side import every_pair, floor
-from comparisons.cases.single_contact import figures
-from comparisons.cases.single_contact.checks import against_closed_forms, against_ode, step_by_step
+from comparisons.cases.single_contact import checks, figures
+from comparisons.cases.single_contact.checks import FIRST_ORDER
 from comparisons.cases.single_contact.meetings import Meeting, ladder
 from comparisons.harness.case import Case, Tier, Variant
 from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
@@ -23,9 +23,6 @@ WALL = Material(young=3.2e9, poisson=0.37, density=1185.0)
 
 MEETINGS = [Meeting(f"e = {e:g}", k, wall) for k, (e, _, wall) in enumerate(SPHERES)]
 DAMPED, ELASTIC = MEETINGS[:3], MEETINGS[3:]
-FIRST_ORDER = "the dashpot sees half-step velocities, so the error is first order: about 0.5/steps at e = 0.3"
-SECOND_ORDER = "velocity Verlet without damping is second order: about 1/steps^2"
-QUANTITIES = {"peak_overlap": 1e-3, "contact_time": 1e-3, "rebound": 1e-3}
 
 
 def scene(limit_force: bool, dt: float) -> Scene:
@@ -72,12 +69,12 @@ CASE = Case(
     source="Hertz (1882); Antypov and Elliott (2011); Schwager and Poeschel (2007), limit_force.",
     variants=variants,
     checks=(
-        *step_by_step(MEETINGS, spin=False),
-        *against_ode("default, damped", DAMPED, 1e-3, (0.85, 1.15), "default", FIRST_ORDER),
-        *against_ode("limit_force, damped", DAMPED, 1e-3, (0.85, 1.15), "limited", FIRST_ORDER),
-        *against_ode("elastic", ELASTIC, 2e-6, (1.85, 2.15), "default", SECOND_ORDER),
-        *against_closed_forms("default, damped", DAMPED, QUANTITIES, False, "default", FIRST_ORDER),
-        *against_closed_forms("limit_force, damped", DAMPED, QUANTITIES, True, "limited", FIRST_ORDER),
+        *checks.step_by_step(MEETINGS, spin=False),
+        *checks.against_ode("default, damped", DAMPED, 1e-3, (0.85, 1.15), "default", FIRST_ORDER),
+        *checks.against_ode("limit_force, damped", DAMPED, 1e-3, (0.85, 1.15), "limited", FIRST_ORDER),
+        *checks.against_ode("elastic", ELASTIC, 2e-6, (1.85, 2.15), "default", checks.SECOND_ORDER),
+        *checks.against_closed_forms("default, damped", DAMPED, 1e-3, False, "default", FIRST_ORDER),
+        *checks.against_closed_forms("limit_force, damped", DAMPED, 1e-3, True, "limited", FIRST_ORDER),
     ),
     figures=(
         figures.overlay(MEETINGS, "default", title="Default: tensile force at the end"),

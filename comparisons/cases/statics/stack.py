@@ -124,20 +124,18 @@ def drift(run: Run) -> np.ndarray:
 
 def _figure(results: Results) -> MatplotlibFigure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
-    ran = results.codes()
-    levels = np.concatenate([np.arange(len(column)) + 1 for column in COLUMNS])
-    column = np.repeat(np.arange(len(COLUMNS)), [len(c) for c in COLUMNS])
-    for code in ran:
-        found = list(overlaps(results, code).values())
-        got, want = (1e6 * np.array([getattr(m, k) for m in found]) for k in ("measured", "expected"))
-        for k, color in enumerate(plots.SERIES[: len(COLUMNS)]):
-            own = column == k
-            left.plot(want[own], levels[own], "-", color=color, lw=0.9, label=f"column {k + 1}")
-            left.plot(got[own], levels[own], **plots.marks(code, color=color))
-        for k, (name, step) in enumerate(ELASTIC.items()):
-            run = results[name, code]
+    ran, first = results.codes(), 0
+    rest = {code: list(overlaps(results, code).values()) for code in ran}
+    for k, column in enumerate(COLUMNS):
+        own, levels = slice(first, first + len(column)), np.arange(len(column)) + 1
+        found = {code: (1e6 * np.array([m.measured for m in ms[own]]), levels) for code, ms in rest.items()}
+        exact = 1e6 * np.array([m.expected for m in rest[ran[0]][own]]), levels
+        plots.exact_and_marks(left, None, exact, found, plots.SERIES[k], f"column {k + 1}")
+        first += len(column)
+    for k, (name, step) in enumerate(ELASTIC.items()):
+        for code in ran:
+            run, text = results[name, code], f"step {step:g} s" if code == ran[0] else None
             look = plots.line_or_marks(code, len(run.trace["time"]), color=plots.SERIES[k], lw=0.8)
-            text = f"step {step:g} s" if code == ran[0] else None
             right.semilogy(run.trace["time"][1:], np.maximum(drift(run)[1:], 1e-14), **look, label=text)
     left.set(xlabel="overlap at rest [um]", ylabel="contact, counted from the floor")
     plots.legend(left, points=ran)
