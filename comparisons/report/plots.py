@@ -156,7 +156,6 @@ def curves_and_differences(
     curves: Mapping[str, tuple[Mapping[str, Any], Any]],
     *,
     reference: str,
-    columns: int = 1,
     **options: Any,
 ) -> tuple[Figure, Any, Any]:
     """(figure, upper axes, lower axes): curves {label: ({code: y}, exact y)} over x[label], each label in a
@@ -176,7 +175,7 @@ def curves_and_differences(
             low.semilogy(x[label], np.maximum(np.abs(gap), 1e-18), dash, color=shade)
     low.set_ylabel("difference")
     low.set_title(f"solid: between the codes, dashed: {name(ran[0])} - {reference}", fontsize=9)
-    legend(top, lines=ran, ncols=columns)
+    legend(top, lines=ran, ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0))
     return fig, top, low
 
 

@@ -37,7 +37,7 @@ CASE = Case(
         " have exactly the contact of the sphere on a rigid plane."
     ),
     source=(
-        "Chung and Ooi, Granular Matter 13 (2011) 643; curves digitised by the Kratos project; Hertz (1882);"
+        "Chung and Ooi, Granular Matter 13 (2011) 643; curves digitized by the Kratos project; Hertz (1882);"
         " Antypov and Elliott (2011)."
     ),
     variants=variants,

@@ -55,7 +55,7 @@ CASE = Case(
     ),
     source=(
         "Chung and Ooi, Granular Matter 13 (2011) 643; Kharaz, Gorham and Salman, Powder Technol. 120 (2001)"
-        " 281; Wu, Li and Thornton (2003) for FEM; digitised by the Kratos and MFIX projects."
+        " 281; Wu, Li and Thornton (2003) for FEM; digitized by the Kratos and MFIX projects."
     ),
     variants=variants,
     checks=(

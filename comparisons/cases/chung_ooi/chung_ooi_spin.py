@@ -100,7 +100,7 @@ CASE = Case(
         " out. Test 7: two equal spheres of opposite spin collide while they roll on each other: only the"
         " normal velocity may change."
     ),
-    source="Chung and Ooi, Granular Matter 13 (2011) 643; digitised by the Kratos project.",
+    source="Chung and Ooi, Granular Matter 13 (2011) 643; digitized by the Kratos project.",
     variants=variants,
     checks=(
         *step_by_step(T6.meetings(), spin=True, prefix="T6_"),

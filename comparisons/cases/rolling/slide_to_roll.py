@@ -84,13 +84,13 @@ def _figure(results: Results) -> MatplotlibFigure:
         exact = np.array([closed_forms.slide_to_roll(t, u, mu, GRAVITY, RADIUS)[0] for t in time])
         curves[NAMES[k]] = {code: motion(results[EXACT, code], k)[0] for code in ran}, exact
     figure, top, low = plots.curves_and_differences(
-        dict.fromkeys(NAMES, time), curves, reference="closed form", columns=2, width=plots.WHOLE
+        dict.fromkeys(NAMES, time), curves, reference="closed form", width=plots.WHOLE
     )
     for k, color in enumerate(plots.SERIES[: len(THROWS)]):
         for code in ran:
             surface = motion(results[EXACT, code], k)[1]
             top.plot(time, surface, **plots.line_or_marks(code, len(time), color=color), alpha=0.5)
-    top.set(ylabel="velocity (full), R x spin (pale) [m/s]", ylim=(0, 1.45))
+    top.set_ylabel("velocity (full), R x spin (pale) [m/s]")
     low.set(ylabel="difference [m/s]", xlabel="time [s]")
     return figure
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from comparisons.cases.single_contact.meetings import (
     relative_velocity,
 )
 from comparisons.harness import check_builders as build
-from comparisons.harness.case import Measured, PerCode, PerPair, Results, largest, relative
+from comparisons.harness.case import Measured, PerCode, PerPair, Results, relative
 from gpudem.output.run import Run
 
 ODE = "ODE (DOP853, rtol 1e-13)"
@@ -109,6 +109,21 @@ def against_ode(
     )  # fmt: skip
 
 
+def closed_form_errors(
+    meetings: list[Meeting], quantity: str, limit_force: bool, prefix: str
+) -> Callable[[Results, str], dict[str, Measured]]:
+    """Measure of the finest run: relative error of one of `QUANTITIES` in each impact."""
+
+    def measure(results: Results, code: str) -> dict[str, Measured]:
+        run, found = results[results.finest(prefix), code], {}
+        for m in meetings:
+            wanted = expected(exact(results, run.scene, m), limit_force)[quantity]
+            found[m.label] = relative(observables(results, run, m)[quantity], wanted)
+        return found
+
+    return measure
+
+
 def against_closed_forms(
     what: str,
     meetings: list[Meeting],
@@ -119,18 +134,10 @@ def against_closed_forms(
     quantities: Sequence[str] = tuple(QUANTITIES),
 ) -> tuple[PerCode, ...]:
     """Per code, largest relative error of each of the quantities: peak_overlap, contact_time, rebound."""
-
-    def error(results: Results, code: str, quantity: str) -> Measured:
-        run, found = results[results.finest(prefix), code], {}
-        for m in meetings:
-            wanted = expected(exact(results, run.scene, m), limit_force)[quantity]
-            found[m.label] = relative(observables(results, run, m)[quantity], wanted)
-        return largest(found)
-
     return tuple(
         build.per_code(
             f"{what}: {quantity.replace('_', ' ')}, relative error",
-            lambda results, code, quantity=quantity: error(results, code, quantity),
+            closed_form_errors(meetings, quantity, limit_force, prefix),
             tolerance=tolerance, against="closed form", reason=why, catches=QUANTITIES[quantity],
         )
         for quantity in quantities

@@ -6,20 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from comparisons.cases.single_contact.checks import closed_form_errors
 from comparisons.cases.single_contact.meetings import (
     Meeting,
     errors,
     exact,
-    expected,
-    observables,
     relative_velocity,
 )
+from comparisons.harness import check_builders as build
 from comparisons.harness.case import Figure, Results, Table
 from comparisons.metrics import trace as measure
 from comparisons.report import plots
 
 if TYPE_CHECKING:
-    import pandas
     from matplotlib.figure import Figure as MatplotlibFigure
 
 
@@ -42,9 +41,7 @@ def overlay(meetings: list[Meeting], prefix: str = "", component: int = 0, title
             found = {code: relative_velocity(results[label, code], m) @ direction for code in ran}
             since[m.label] = (time - truth.touch) / truth.contact.duration
             curves[m.label] = found, wanted
-        figure, top, low = plots.curves_and_differences(
-            since, curves, reference="ODE", columns=2, width=plots.WHOLE
-        )
+        figure, top, low = plots.curves_and_differences(since, curves, reference="ODE", width=plots.WHOLE)
         top.set_ylabel(f"{name} velocity / impact speed")
         low.set(xlabel="time since the first touch / contact time", xlim=(-0.1, 1.3))
         return figure
@@ -71,7 +68,7 @@ def convergence(meetings: list[Meeting], prefix: str = "") -> Figure:
                 look = plots.line_or_marks(code, len(rows), color=plots.SERIES[k], label=text)
                 axes.loglog(rows[:, 0], rows[:, 2], **look)
         axes.set(xlabel="time step [s]", ylabel="largest velocity error / impact speed")
-        plots.legend(axes, lines=ran)
+        plots.legend(axes, lines=ran, fontsize=7)
         return figure
 
     return Figure(
@@ -110,21 +107,8 @@ def _ladder(results: Results, prefix: str, code: str, m: Meeting) -> np.ndarray:
 
 def observables_table(meetings: list[Meeting], prefix: str = "", limit_force: bool = False) -> Table:
     """Peak overlap, contact time and rebound of the finest run of each code beside the closed forms."""
-
-    def make(results: Results) -> pandas.DataFrame:
-        import pandas
-
-        rows, label = [], results.finest(prefix)
-        for m in meetings:
-            truth = exact(results, results[label, results.codes(label)[0]].scene, m)
-            found = {"closed form": expected(truth, limit_force)}
-            found |= {code: observables(results, results[label, code], m) for code in results.codes(label)}
-            for who, got in found.items():
-                rows.append(
-                    (m.label, who, 1e6 * got["peak_overlap"], 1e6 * got["contact_time"], got["rebound"])
-                )
-        return pandas.DataFrame(
-            rows, columns=["impact", "by", "peak overlap [um]", "time to zero overlap [us]", "rebound [1]"]
-        )
-
-    return Table("Peak overlap, contact time, rebound", "The finest time step beside the closed forms.", make)
+    names = {"peak_overlap": "peak overlap [m]", "contact_time": "contact time [s]", "rebound": "rebound [1]"}
+    return build.table(
+        "Peak overlap, contact time, rebound", "Finest time step; contact time: until the overlap is zero.",
+        {name: closed_form_errors(meetings, key, limit_force, prefix) for key, name in names.items()},
+    )  # fmt: skip

@@ -117,7 +117,8 @@ def rebound_table(meetings: list[Meeting], prefixes: tuple[str, ...]) -> Table:
                 truth = exact(results, results[label, results.codes(label)[0]].scene, m)
                 change = truth.contact.final - truth.contact.state(0.0)
                 found = {"ODE": (change[3], change[4])}
-                found |= {code: changes(results, results[label, code], m) for code in results.codes(label)}
+                for code in results.codes(label):
+                    found[plots.name(code)] = changes(results, results[label, code], m)
                 phases = " ".join(p.mode for p in truth.contact.phases)
                 row: dict[str, str | float] = {"options": prefix, "impact": m.label, "phases": phases}
                 for who, (push, turn) in found.items():
