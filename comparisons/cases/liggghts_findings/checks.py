@@ -1,4 +1,6 @@
-"""Checks of the case `liggghts_findings`: each behaviour is there, and we are free of it."""
+"""Of the case `liggghts_findings`: the size of each behavior of LIGGGHTS (findings), and that gpudem, or
+LIGGGHTS with the line of our deck, is free of it (checks).
+"""
 
 from __future__ import annotations
 
@@ -9,86 +11,75 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.cases.liggghts_findings import scenes as findings
+from comparisons.cases.liggghts_findings import scenes
 from comparisons.cases.single_contact import head_on
 from comparisons.cases.single_contact.meetings import errors
-from comparisons.harness.case import Check, Measured, Results, Tier
+from comparisons.harness.case import Check, Finding, Measured, Results, Tier, largest
 from comparisons.metrics import trace
 from gpudem.errors import GpudemError
-from gpudem.output.run import Run
 from gpudem.scene import Scene
 
 OURS, THEIRS = "gpudem", "liggghts"
 BOTH = (OURS, THEIRS)
 BENCH: tuple[Tier, ...] = ("standard", "full")
-#: A check of the form "at least lo": there is no upper bound.
-ANY = 1e9
-SAME = "same law, same scheme: rounding is all that is left"
+HOP, COLLIDE, FLOW = ("hop", THEIRS), ("collide", THEIRS), ("flow", THEIRS)
 
 
-def refusals(scene: Scene) -> dict[str, str]:
-    """What gpudem and LIGGGHTS behind our guards say of a scene that must not pass; "" where they pass it."""
+def accepted(scene: Scene) -> dict[str, str]:
+    """What gpudem and LIGGGHTS with our guards say of a scene that must not pass; "" where they accept it."""
     from gpudem import driver
     from reference import liggghts
 
-    def ours(folder: Path) -> Run:
-        return driver.simulate(scene, folder)
-
-    def theirs(folder: Path) -> Run:
-        return liggghts.run(scene, folder, use_recorded=False)
-
-    said: dict[str, str] = {}
-    for code, run in ((OURS, ours), (THEIRS, theirs)):
+    runs: dict[str, Callable[[Path], Any]] = {
+        OURS: lambda folder: driver.simulate(scene, folder),
+        THEIRS: lambda folder: liggghts.run(scene, folder, use_recorded=False),
+    }
+    messages: dict[str, str] = {}
+    for code, run in runs.items():
         with tempfile.TemporaryDirectory() as folder:
             try:
                 run(Path(folder))
-                said[code] = ""
+                messages[code] = ""
             except GpudemError as error:
-                said[code] = str(error).splitlines()[0]
-    return said
+                messages[code] = str(error).splitlines()[0]
+    return messages
 
 
-def refused(results: Results, label: str) -> dict[str, str]:
-    """`refusals` of a variant, once."""
-    return results.once(("refused", label), lambda: refusals(results[label, THEIRS].scene))
+def _accepted(results: Results, label: str) -> Measured:
+    messages = results.once(("accepted", label), lambda: accepted(results[label, THEIRS].scene))
+    return Measured(float(sum(not m for m in messages.values())), note="; ".join(messages.values()))
 
 
 def silent(results: Results, label: str, what: str) -> Measured:
-    """How many particles were lost, or 1 for NaN, in a run that ended with status 0 and no word; else NaN."""
+    """Particles lost, or 1 for NaN, in a run that ended with status 0 and no message; otherwise NaN."""
     run = results[label, THEIRS]
     notes = run.notes
     quiet = notes["exit_status"] == 0 and not notes["errors"] and notes["steps"] == run.scene.n_steps
-    found = float(notes[what]) if quiet else float("nan")
     left = f"{notes['particles']} of {run.timing.particles} particles at step {notes['steps']}"
-    return Measured(found, note=f"exit status {notes['exit_status']}, {left}, {len(run.warnings)} warnings")
+    note = f"exit status {notes['exit_status']}, {left}, {len(run.warnings)} warnings"
+    return Measured(float(notes[what]) if quiet else float("nan"), note=note)
 
 
-def _passed(results: Results, label: str) -> Measured:
-    said = refused(results, label)
-    return Measured(float(sum(not text for text in said.values())), note="; ".join(said.values()))
+def _excess(results: Results, law: str, code: str) -> Measured:
+    """Largest distance from Coulomb's line over the restitutions."""
+    found = scenes.excess(results[law, code])
+    return largest({
+        f"e = {e:g}": Measured(abs(x), float(x), 0.0) for e, x in zip(scenes.SLIDES, found, strict=True)
+    })  # fmt: skip
 
 
-def _worst_excess(results: Results, law: str, code: str) -> Measured:
-    found = findings.excess(results[law, code])
-    k = int(np.abs(found).argmax())
-    return Measured(
-        float(np.abs(found[k])), float(found[k]), 0.0, note=f"largest at e = {findings.SLIDES[k]:g}"
-    )
-
-
-def _quiet(results: Results) -> float:
-    """Last velocities of gpudem with output at every step, and at the end alone: largest difference [m/s]."""
+def _output(results: Results) -> float:
+    """Last velocities of gpudem with output at every step, and only at the end: largest difference [m/s]."""
     dense, sparse = (results[label, OURS].trace for label in ("collide", "collide_quiet"))
     return float(np.abs(dense["velocity"][-1] - sparse["velocity"][-1]).max())
 
 
 def _points(results: Results) -> Measured:
-    exact, points, error = findings.points_error(results["still_raw", THEIRS])
+    exact, points, error = scenes.points_error(results["still_raw", THEIRS])
     changed = int(((exact > 0) != (points > 0)).sum())
     typical = float(np.median(exact[exact > 0]))
-    return Measured(
-        float(error.max()), note=f"{changed} of {(exact > 0).sum()} contacts change; overlap {typical:.2g} m"
-    )
+    note = f"{changed} of {(exact > 0).sum()} contacts change; overlap {typical:.2g} m"
+    return Measured(float(error.max()), note=note)
 
 
 def _frames(results: Results) -> float:
@@ -118,151 +109,138 @@ def order(results: Results, prefix: str, code: str) -> float:
 
 def flow_gap(results: Results, a: tuple[str, str], b: tuple[str, str], until: float) -> float:
     """Largest difference of kinetic energy between two flows up to a time [s] / that energy."""
-    time, found = findings.energy_gap(results, a, b)
-    return float(found[(time >= findings.MOVING) & (time <= until)].max())
+    time, found = scenes.energy_gap(results, a, b)
+    return float(found[(time >= scenes.MOVING) & (time <= until)].max())
 
 
 def gap(a: tuple[str, str], b: tuple[str, str], scale: float) -> Callable[[Results], float]:
     """Measure: largest difference of velocity between two runs / `scale` [m/s]."""
-    return lambda results: findings.velocity_gap(results[a], results[b], scale)
+    return lambda results: scenes.velocity_gap(results[a], results[b], scale)
 
 
-def _there(
-    name: str, measure: Any, lo: float, reason: str, catches: str, tolerance: float = ANY, **more
-) -> Check:
-    """The behaviour is there, at least so large."""
-    needs = more.pop("needs", (THEIRS,))
+def _check(name: str, measure: Any, tolerance: float, catches: str, reason: str = "", **more: Any) -> Check:
+    """By default between gpudem and LIGGGHTS with our deck, to rounding."""
+    reason = reason or "same law and scheme: rounding"
+    facts = {"unit": "1", "against": "LIGGGHTS, our deck", "needs": BOTH} | more
     return Check(
-        name=name, measure=measure, lo=lo, tolerance=tolerance, unit=more.pop("unit", "1"),
-        against=more.pop("against", "LIGGGHTS, our deck"), mark="X", needs=needs, reason=reason,
-        catches=catches, **more,
-    )  # fmt: skip
+        name=name, measure=measure, tolerance=tolerance, mark="X", reason=reason, catches=catches, **facts
+    )
 
 
-def _free(name: str, measure: Any, tolerance: float, reason: str, catches: str, **more) -> Check:
-    """gpudem, or LIGGGHTS with our line in the deck, is free of it."""
-    needs = more.pop("needs", BOTH)
-    return Check(
-        name=name, measure=measure, tolerance=tolerance, unit=more.pop("unit", "1"),
-        against=more.pop("against", "LIGGGHTS, our deck"), mark="X", needs=needs, reason=reason,
-        catches=catches, **more,
-    )  # fmt: skip
-
-
-HOP, COLLIDE, FLOW = ("hop", THEIRS), ("collide", THEIRS), ("flow", THEIRS)
-GONE = "a guard of ours that is no longer needed: LIGGGHTS would have changed"
-
+EXACT = "exact"
 CHECKS: tuple[Check, ...] = (
-    _there(
-        "spring kept: velocity of the hopping ball, default deck against ours / impact speed",
-        gap(("hop_default_factor", THEIRS), HOP, findings.HOP), 1e-3,
-        "the second impact starts with the spring of the first", GONE,
-    ),
-    _free(
+    _check(
         "spring reset: velocity of the hopping ball, our deck against gpudem / impact speed",
-        gap(HOP, ("hop", OURS), findings.HOP), 1e-9, SAME, "a spring that gpudem keeps after separation",
+        gap(HOP, ("hop", OURS), scenes.HOP), 1e-9, "a spring that gpudem keeps after separation",
     ),
-    _there(
-        "run twice: velocity, `run 300` and `run 500` against `run 800` / impact speed",
-        gap(("collide_two_runs", THEIRS), COLLIDE, 1.0), 1e-8,
-        "the set-up repeats the forces of one step with full-step velocities; above 1e-3 the springs would be"
-        " lost as well", GONE, tolerance=1e-3,
+    _check(
+        "run once: velocity, LIGGGHTS against gpudem / impact speed", gap(COLLIDE, ("collide", OURS), 1.0),
+        1e-9, "another order of the set-up in gpudem",
     ),
-    _free(
-        "run once: velocity, LIGGGHTS against gpudem / impact speed",
-        gap(COLLIDE, ("collide", OURS), 1.0), 1e-9, SAME, "another order of the set-up in gpudem",
-    ),
-    _free(
-        "output of gpudem at every step, and at the end alone: difference of the last velocities",
-        _quiet, 0.0, "an exact statement: output reads the state, it sets nothing up",
-        "output that disturbs the run", unit="m/s", needs=(OURS,), against="gpudem itself",
+    _check(
+        "output of gpudem at every step, and at the end alone: difference of the last velocities", _output,
+        0.0, "output that disturbs the run", EXACT, unit="m/s", needs=(OURS,), against="gpudem itself",
     ),
     *(
-        _there(
-            f"sliding: excess over mu (1 + e) v_n, options {law}, largest over e",
-            lambda results, law=law: _worst_excess(results, law, THEIRS), lo,
-            why, "an option that has changed its meaning", against="Coulomb's line",
-        )
-        for law, lo, why in (
-            ("default", 0.1, "friction by |F_n| while the contact pulls, and a dashpot above the cap"),
-            ("limit_force", 0.01, "the dashpot alone is left"),
-            ("dashpot_off", 0.01, "the pull alone is left"),
-        )
-    ),
-    *(
-        _free(
+        _check(
             f"sliding: distance from mu (1 + e) v_n with limit_force and without tangential dashpot ({code})",
-            lambda results, code=code: _worst_excess(results, "coulomb", code), 2e-2,
-            "the first touch sticks until the spring is loaded, so that friction takes 1.5 % less at e = 0.3",
-            "friction not capped at mu F_n", needs=(code,), against="Coulomb's line",
+            lambda results, code=code: _excess(results, "coulomb", code), 2e-2,
+            "friction not capped at mu F_n",
+            "the first contact sticks until the spring is loaded: 1.5 % less friction at e = 0.3",
+            needs=(code,), against="Coulomb's line",
         )
         for code in BOTH
     ),
-    _there(
-        "friction 0: tangential over normal force at the set-up, LIGGGHTS",
-        lambda results: findings.tangential_share(results["smooth_floor", THEIRS]), 0.1,
-        "the spring is at rest, so that the contact sticks, and the dashpot is not capped by mu Fn = 0", GONE,
-        against="no friction, no tangential force",
-    ),
-    _free(
+    _check(
         "friction 0: tangential over normal force at the set-up, gpudem",
-        lambda results: findings.tangential_share(results["smooth_floor", OURS]), 0.0,
-        "an exact statement", "a dashpot without regard to friction", needs=(OURS,),
-        against="no friction, no tangential force",
+        lambda results: scenes.tangential_share(results["smooth_floor", OURS]), 0.0,
+        "a dashpot that ignores friction", EXACT, needs=(OURS,), against="no friction, no tangential force",
     ),
-    _free(
+    _check(
         "friction 0: velocity, gpudem with contact.frictionless_dashpot against LIGGGHTS / speed",
-        gap(("smooth_floor_dashpot", OURS), ("smooth_floor", THEIRS), 0.1), 1e-9, SAME,
-        "an option that is not LIGGGHTS' way",
+        gap(("smooth_floor_dashpot", OURS), ("smooth_floor", THEIRS), 0.1), 1e-9,
+        "an option that differs from LIGGGHTS",
     ),
-    _there(
-        "half-step damping: error of LIGGGHTS / error of gpudem's integrator `path`, finest step",
-        _half_step, 5.0, "order 1 against 1.3, from a lower start: the ratio grows with the number of steps",
-        "an integrator `path` that is no better", needs=BOTH, against="ODE (DOP853, rtol 1e-13)",
-    ),
-    _there(
-        "half-step damping: observed order of LIGGGHTS in the time step",
-        lambda results: order(results, "dt_", THEIRS), 0.85, "first order", GONE, tolerance=1.15,
-        against="ODE (DOP853, rtol 1e-13)",
-    ),
-    _there(
-        "flow, spring kept: kinetic energy by the default deck against ours, up to 0.05 s / energy",
-        lambda results: flow_gap(results, ("flow_default_factor", THEIRS), FLOW, findings.EARLY), 1e-6,
-        "between two decks of LIGGGHTS that differ in nothing else", GONE, tolerance=0.1, tiers=BENCH,
-    ),
-    _free(
+    _check(
         "flow, spring reset: kinetic energy by gpudem against our deck, up to 0.05 s / energy",
-        lambda results: flow_gap(results, ("flow", OURS), FLOW, findings.EARLY), 1e-6,
-        "rounding, grown by some hundred thousand collisions", "a spring kept or lost", tiers=BENCH,
+        lambda results: flow_gap(results, ("flow", OURS), FLOW, scenes.EARLY), 1e-6, "a spring kept or lost",
+        "rounding, grown over some hundred thousand collisions", tiers=BENCH,
     ),
     *(
-        _there(
-            f"silence: {name}", lambda results, label=label, what=what: silent(results, label, what), lo,
-            "LIGGGHTS' default is to go on", "a LIGGGHTS that says so", unit=unit, against="nothing said",
-        )
-        for name, label, what, lo, unit in (
-            ("particles lost by the end of a run with exit status 0", "leave", "lost", 1, "particles"),
-            ("a run to exit status 0 in which all is NaN", "coincide", "nan", 1, "runs"),
-            ("particles lost by a bed of 5000 that blew up, exit status 0", "burst", "lost", 50, "particles"),
-        )
-    ),
-    *(
-        _free(
+        _check(
             f"silence broken: codes that pass {name} without an error",
-            lambda results, label=label: _passed(results, label), 0.0, "an exact statement",
-            "a guard that does not guard", unit="codes", needs=(THEIRS,), against="an error that names it",
+            lambda results, label=label: _accepted(results, label), 0.0, "a guard that does not guard", EXACT,
+            unit="codes", needs=(THEIRS,), against="an error that names it",
         )
         for name, label in (("a lost particle", "leave"), ("NaN", "coincide"), ("a burst bed", "burst"))
     ),
-    _there(
-        "float32 in VTK points: largest distance from the position in the same file",
-        _points, 1e-9, "half a unit in the last place of float32 at 0.2 m is 7e-9 m",
-        "VTK output that has become double", unit="m", against="float64 column of the same file",
-        tolerance=1e-7,
+    _check(
+        "positions in our frames, gpudem against LIGGGHTS, ten steps of a settled bed", _frames, 1e-12,
+        "positions taken from the VTK points", "rounding over ten steps; a float32 would be 7e-9 m off",
+        unit="m",
     ),
-    _free(
-        "positions in our frames, gpudem against LIGGGHTS, ten steps of a settled bed",
-        _frames, 1e-12, "rounding over ten steps; a float32 would be 7e-9 m off",
-        "positions taken from the VTK points", unit="m",
+)  # fmt: skip
+
+
+def _finding(
+    name: str, measure: Any, sentence: str, unit: str = "1", needs=(THEIRS,), **more: Any
+) -> Finding:
+    return Finding(name, measure, unit, sentence, needs, **more)
+
+
+FINDINGS: tuple[Finding, ...] = (
+    _finding(
+        "spring kept: velocity of the hopping ball, default deck against ours / impact speed",
+        gap(("hop_default_factor", THEIRS), HOP, scenes.HOP),
+        "The second impact starts with the spring of the first.",
+    ),
+    _finding(
+        "run twice: velocity, `run 300` and `run 500` against `run 800` / impact speed",
+        gap(("collide_two_runs", THEIRS), COLLIDE, 1.0),
+        "The set-up repeats the forces of one step with full-step velocities; the springs are not lost, which"
+        " would be above 1e-3.",
+    ),
+    *(
+        _finding(
+            f"sliding: excess over mu (1 + e) v_n, options {law}, largest over e",
+            lambda results, law=law: _excess(results, law, THEIRS), sentence,
+        )
+        for law, sentence in (
+            ("default", "Friction by |F_n| while the contact pulls, and a dashpot above the cap."),
+            ("limit_force", "Only the dashpot is left."), ("dashpot_off", "Only the pull is left."),
+        )
+    ),
+    _finding(
+        "friction 0: tangential over normal force at the set-up, LIGGGHTS",
+        lambda results: scenes.tangential_share(results["smooth_floor", THEIRS]),
+        "The spring is at rest, so that the contact sticks, and mu Fn = 0 does not cap the dashpot.",
+    ),
+    _finding(
+        "half-step damping: error of LIGGGHTS / error of gpudem's integrator `path`, finest step", _half_step,
+        "The ratio grows with the number of steps: order 1 against 1.3, from a lower start.", needs=BOTH,
+    ),
+    _finding(
+        "half-step damping: observed order of LIGGGHTS in the time step",
+        lambda results: order(results, "dt_", THEIRS), "Against the ODE (DOP853, rtol 1e-13): first order.",
+    ),
+    _finding(
+        "flow, spring kept: kinetic energy by the default deck against ours, up to 0.05 s / energy",
+        lambda results: flow_gap(results, ("flow_default_factor", THEIRS), FLOW, scenes.EARLY),
+        "Two decks of LIGGGHTS that differ in nothing else.", tiers=BENCH,
+    ),
+    *(
+        _finding(
+            f"silence: {name}", lambda results, label=label, what=what: silent(results, label, what),
+            "LIGGGHTS' default is to continue without a message.", unit,
+        )
+        for name, label, what, unit in (
+            ("particles lost by the end of a run with exit status 0", "leave", "lost", "particles"),
+            ("a run to exit status 0 in which all is NaN", "coincide", "nan", "runs"),
+            ("particles lost by a bed of 5000 that blew up, exit status 0", "burst", "lost", "particles"),
+        )
+    ),
+    _finding(
+        "float32 in VTK points: largest distance from the position in the same file", _points,
+        "Half a unit in the last place of float32 at 0.2 m is 7e-9 m.", "m",
     ),
 )  # fmt: skip

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from comparisons.cases.liggghts_findings import checks as findings_checks
-from comparisons.cases.liggghts_findings import scenes as findings
+from comparisons.cases.liggghts_findings import checks, scenes
 from comparisons.cases.liggghts_findings.checks import FLOW, OURS, THEIRS
 from comparisons.harness.case import Results
 from comparisons.harness.numbers import number
@@ -18,33 +17,33 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
-#: Flow -> (run, against, label).
-FLOWS = (
-    (("flow", OURS), FLOW, "rounding: gpudem, our deck"),
-    (("flow_default_factor", THEIRS), FLOW, "spring kept: LIGGGHTS, default deck"),
-    (("flow_path", OURS), ("flow", OURS), "damping along the path: gpudem, path"),
-    (("flow_coulomb", OURS), ("flow", OURS), "friction capped: gpudem, limit_force, no dashpot"),
-)
+#: Run -> (run that it is compared with, label).
+FLOWS = {
+    ("flow", OURS): (FLOW, "rounding: gpudem, our deck"),
+    ("flow_default_factor", THEIRS): (FLOW, "spring kept: LIGGGHTS, default deck"),
+    ("flow_path", OURS): (("flow", OURS), "damping along the path: gpudem, path"),
+    ("flow_coulomb", OURS): (("flow", OURS), "friction capped: gpudem, limit_force, no dashpot"),
+}
 
 
 def hop(results: Results) -> Figure:
     """Gap of the hopping ball, and what the default deck changes."""
     figure, (top, low) = plots.figure(2, 1, height=4.4, sharex=True)
     kept, reset = results["hop_default_factor", THEIRS], results["hop", THEIRS]
-    for run, who, label in ((reset, "gpudem", "our deck"), (kept, "liggghts", "default deck")):
-        x, time = run.trace["position"], 1e3 * run.trace["time"]
-        gap = 1e6 * (np.linalg.norm(x[:, 1] - x[:, 0], axis=1) - 2 * findings.RADIUS)
-        style = plots.style(who, label=f"LIGGGHTS, {label}", markevery=25)
-        top.plot(time, gap, **style)
+    time = 1e3 * reset.trace["time"]
+    for run, look, label in ((reset, OURS, "our deck"), (kept, THEIRS, "default deck")):
+        x = run.trace["position"]
+        gap = 1e6 * (np.linalg.norm(x[:, 1] - x[:, 0], axis=1) - 2 * scenes.RADIUS)
+        top.plot(time, gap, **plots.style(look, label=f"LIGGGHTS, {label}", markevery=25))
     top.axhline(0, color=plots.SOFT, linewidth=0.7)
     top.set_ylabel("gap [µm]")
     plots.legend(top)
-    time = 1e3 * reset.trace["time"]
-    for k, (column, arm, label) in enumerate(
-        (("velocity", 1.0, "velocity"), ("angular_velocity", findings.RADIUS, "R x spin"))
+    for column, arm, label, color in (
+        ("velocity", 1.0, "velocity", plots.SERIES[2]),
+        ("angular_velocity", scenes.RADIUS, "R x spin", plots.SERIES[3]),
     ):
         change = arm * np.linalg.norm(kept.trace[column] - reset.trace[column], axis=-1).max(axis=1)
-        low.semilogy(time, np.maximum(change, 1e-18), color=plots.SERIES[2 + k], label=label)
+        low.semilogy(time, np.maximum(change, 1e-18), color=color, label=label)
     low.set(xlabel="time [ms]", ylabel="default - our deck [m/s]")
     plots.legend(low)
     return figure
@@ -57,12 +56,10 @@ def sliding(results: Results) -> Figure:
         "default": "default", "limit_force": "limit_force on", "dashpot_off": "tangential_damping off",
         "coulomb": "both",
     }  # fmt: skip
-    for k, (law, name) in enumerate(names.items()):
-        axes.plot(
-            findings.SLIDES, 100 * findings.excess(results[law, OURS]), color=plots.SERIES[k], label=name
-        )
-        theirs = 100 * findings.excess(results[law, THEIRS])
-        axes.plot(findings.SLIDES, theirs, "o", color=plots.SERIES[k], mfc="none", ms=7)
+    for (law, name), color in zip(names.items(), plots.SERIES, strict=False):
+        ours, theirs = (100 * scenes.excess(results[law, code]) for code in (OURS, THEIRS))
+        axes.plot(scenes.SLIDES, ours, color=color, label=name)
+        axes.plot(scenes.SLIDES, theirs, "o", color=color, mfc="none", ms=7)
     axes.axhline(0, **plots.TOLERANCE)
     axes.set(xlabel="restitution e [1]", ylabel="friction above µ (1 + e) v$_n$ [%]")
     plots.legend(axes)
@@ -72,112 +69,79 @@ def sliding(results: Results) -> Figure:
 def half_step(results: Results) -> Figure:
     """Largest velocity error of damped head-on impacts against the step."""
     figure, axes = plots.figure(height=3.6)
-    for prefix, code, label in (
-        ("dt_", THEIRS, "LIGGGHTS"), ("dt_", OURS, "gpudem, half_step"), ("path_dt_", OURS, "gpudem, path"),
+    path = {"color": plots.SERIES[2], "marker": "s", "markersize": 4.5}
+    for prefix, code, label, more in (
+        ("dt_", THEIRS, "LIGGGHTS", {}), ("dt_", OURS, "gpudem, half_step", {}),
+        ("path_dt_", OURS, "gpudem, path", path),
     ):  # fmt: skip
         labels = results.labels(prefix=prefix)
-        steps = [results[label_, code].scene.time.step for label_ in labels]
-        found = [findings_checks.impact_error(results, label_, code) for label_ in labels]
+        steps = [results[each, code].scene.time.step for each in labels]
+        found = [checks.impact_error(results, each, code) for each in labels]
         order = observed_order(steps, found)
-        style = plots.style(code, label=f"{label}, order {order:.2f}")
-        if prefix == "path_dt_":
-            style |= {"color": plots.SERIES[2], "marker": "s", "markersize": 4.5}
-        axes.loglog(steps, found, **style)
+        axes.loglog(steps, found, **plots.style(code, label=f"{label}, order {order:.2f}", **more))
     axes.set(xlabel="time step [s]", ylabel="velocity error / impact speed")
     plots.legend(axes)
     return figure
 
 
 def flow(results: Results) -> Figure:
-    """How the kinetic energy of a flow changes with each behaviour."""
+    """How the kinetic energy of a flow changes with each behavior."""
     figure, axes = plots.figure(width=plots.WHOLE, height=3.6)
-    for k, (one, two, label) in enumerate(FLOWS):
-        time, found = findings.energy_gap(results, one, two)
-        axes.semilogy(time[1:], np.maximum(found[1:], 1e-16), color=plots.SERIES[k], label=label)
-    axes.set(xlabel="time since the gate has gone [s]", ylabel="|difference of kinetic energy| / energy")
+    for (one, (two, label)), color in zip(FLOWS.items(), plots.SERIES, strict=False):
+        time, found = scenes.energy_gap(results, one, two)
+        axes.semilogy(time[1:], np.maximum(found[1:], 1e-16), color=color, label=label)
+    axes.set(xlabel="time since the gate was removed [s]", ylabel="|difference of kinetic energy| / energy")
     plots.legend(axes, loc="lower right")
     return figure
 
 
-def _in_flow(results: Results, name: str) -> str:
-    if ("flow", OURS) not in results.runs:
+def _in_flow(results: Results, run: tuple[str, str]) -> str:
+    if run not in results.runs:
         return "standard tier"
-    one, two, _ = next(f for f in FLOWS if f[0][0] == name)
-    early = findings_checks.flow_gap(results, one, two, findings.EARLY)
+    early = checks.flow_gap(results, run, FLOWS[run][0], scenes.EARLY)
     return f"{number(early, 2)} of the kinetic energy within 0.05 s"
 
 
-def _of_output(results: Results) -> list[tuple[str, str, str, str]]:
-    """Rows of `summary` about what LIGGGHTS writes and says."""
-    burst = results["burst", THEIRS]
-    exact, points, off = findings.points_error(results["still_raw", THEIRS])
-    touching = exact > 0
-    depth = float(np.median(np.abs(points - exact)[touching] / exact[touching]))
-    return [
-        (
-            "Particles that leave are dropped, exit status 0, no message.",
-            "1 of 2",
-            f"{burst.notes['lost']} of {burst.timing.particles} of a bed that blew up",
-            "deck: thermo_modify lost error; gpudem: an error that names the particle",
-        ),
-        (
-            "Not a number goes on to exit status 0, no message.",
-            "2 of 2 particles",
-            "not looked at",
-            "our runner watches the output; gpudem: an error that names the particle",
-        ),
-        (
-            "VTK points are float32.",
-            f"{1e9 * off.max():.2g} nm",
-            f"overlaps of a settled bed, softened 600 times, off by {100 * depth:.2g} % (median)",
-            "deck: a float64 column of the same file, from which our frames are made",
-        ),
-    ]
-
-
 def summary(results: Results) -> pandas.DataFrame:
-    """One row a behaviour: its size, and what is free of it."""
+    """One row a behavior: its size, and what is free of it."""
     import pandas
 
-    c = findings_checks
-    hop_gap = findings.velocity_gap(results["hop_default_factor", THEIRS], results["hop", THEIRS], 1e-3)
-    again = findings.velocity_gap(results["collide_two_runs", THEIRS], results["collide", THEIRS], 1.0)
-    above = dict(zip(findings.SLIDES, findings.excess(results["default", THEIRS]), strict=True))
-    share = findings.tangential_share(results["smooth_floor", THEIRS])
-    label = results.finest("dt_")
-    theirs, ours = c.impact_error(results, label, THEIRS), c.impact_error(results, f"path_{label}", OURS)
+    hop_gap = checks.gap(("hop_default_factor", THEIRS), checks.HOP, 1e-3)(results)
+    again = checks.gap(("collide_two_runs", THEIRS), checks.COLLIDE, 1.0)(results)
+    above = dict(zip(scenes.SLIDES, scenes.excess(results["default", THEIRS]), strict=True))
+    share = scenes.tangential_share(results["smooth_floor", THEIRS])
+    label, burst = results.finest("dt_"), results["burst", THEIRS]
+    theirs = checks.impact_error(results, label, THEIRS)
+    ours = checks.impact_error(results, f"path_{label}", OURS)
+    exact, points, off = scenes.points_error(results["still_raw", THEIRS])
+    depth = float(np.median((np.abs(points - exact) / exact)[exact > 0]))
     rows = [
-        (
-            "The shear spring of a pair survives separation until the list is rebuilt.",
-            f"{number(hop_gap, 2)} mm/s from the second hop on, at 200 mm/s",
-            _in_flow(results, "flow_default_factor"),
-            "deck: contact_distance_factor 1.01; gpudem",
-        ),
-        (
-            "Friction goes by |Fn| while a contact pulls; the dashpot comes on top of the cap.",
-            f"{100 * above[0.3]:.0f} % above mu (1 + e) vn at e = 0.3, {100 * above[0.9]:.1f} % at 0.9",
-            _in_flow(results, "flow_coulomb") + " at e = 0.9",
-            "limit_force with tangential_damping = false, in both codes",
-        ),
-        (
-            "Beside pairs with friction, contacts without it feel the tangential dashpot at each set-up.",
-            f"{100 * share:.0f} % of the normal force at t = 0",
-            "at the start, and at each removal of a gate",
-            "gpudem, but with contact.frictionless_dashpot = true; a scene in which no pair has friction",
-        ),
-        (
-            "Damping sees half-step velocities: first order.",
-            f"velocity error {number(theirs, 2)}, integrator path {number(ours, 2)}, step {label[3:]} s",
-            _in_flow(results, "flow_path") + " at 6 % of the Rayleigh time",
-            "gpudem: solver.integrator = path",
-        ),
-        (
-            "Each run command sets up anew: one step's forces at full-step velocities; springs stay.",
-            f"{number(again, 2)} of the impact speed",
-            "one step for each run command",
-            "deck: one run command for each set of walls; gpudem: output sets nothing up",
-        ),
-        *_of_output(results),
-    ]
-    columns = ["behaviour of LIGGGHTS 3.8.0", "size in one contact", "in 5000 balls", "free of it"]
+        ("The shear spring of a pair survives separation until the list is rebuilt.",
+         f"{number(hop_gap, 2)} mm/s from the second hop on, at 200 mm/s",
+         _in_flow(results, ("flow_default_factor", THEIRS)),
+         "deck: contact_distance_factor 1.01; gpudem"),
+        ("Friction is limited by |Fn| also while a contact pulls; the dashpot is added above the limit.",
+         f"{100 * above[0.3]:.0f} % above mu (1 + e) vn at e = 0.3, {100 * above[0.9]:.1f} % at 0.9",
+         _in_flow(results, ("flow_coulomb", OURS)) + " at e = 0.9",
+         "limit_force with tangential_damping = false, in both codes"),
+        ("Beside pairs with friction, contacts without it feel the tangential dashpot at each set-up.",
+         f"{100 * share:.0f} % of the normal force at t = 0", "at the start, and at each removal of a gate",
+         "gpudem, unless contact.frictionless_dashpot = true; a scene in which no pair has friction"),
+        ("Damping uses half-step velocities: first order.",
+         f"velocity error {number(theirs, 2)}, integrator path {number(ours, 2)}, step {label[3:]} s",
+         _in_flow(results, ("flow_path", OURS)) + " at 6 % of the Rayleigh time",
+         "gpudem: solver.integrator = path"),
+        ("Each run command repeats the set-up: one step's forces at full-step velocities; springs stay.",
+         f"{number(again, 2)} of the impact speed", "one step for each run command",
+         "deck: one run command for each set of walls; gpudem: output sets nothing up"),
+        ("Particles that leave are dropped, exit status 0, no message.", "1 of 2",
+         f"{burst.notes['lost']} of {burst.timing.particles} of a bed that blew up",
+         "deck: thermo_modify lost error; gpudem: an error that names the particle"),
+        ("NaN continues to exit status 0, no message.", "2 of 2 particles", "not measured",
+         "our runner watches the output; gpudem: an error that names the particle"),
+        ("VTK points are float32.", f"{1e9 * off.max():.2g} nm",
+         f"overlaps of a settled bed, softened 600 times, off by {100 * depth:.2g} % (median)",
+         "deck: a float64 column of the same file, from which our frames are made"),
+    ]  # fmt: skip
+    columns = ["behavior of LIGGGHTS 3.8.0", "size in one contact", "in 5000 balls", "free of it"]
     return pandas.DataFrame(rows, columns=columns)

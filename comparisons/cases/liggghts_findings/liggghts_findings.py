@@ -1,13 +1,13 @@
-"""What LIGGGHTS 3.8.0 does that its user may not expect: each behaviour with deck and size.
+"""What LIGGGHTS 3.8.0 does that its user may not expect: each behavior with deck and size.
 
 Standard tier: five flows of 5000 balls x 8000 steps, some 10 s each; the rest takes seconds.
 """
 
 from __future__ import annotations
 
-from comparisons.cases.liggghts_findings import figures as findings_figures
+from comparisons.cases.liggghts_findings import figures
 from comparisons.cases.liggghts_findings import scenes as findings
-from comparisons.cases.liggghts_findings.checks import BENCH, BOTH, CHECKS
+from comparisons.cases.liggghts_findings.checks import BENCH, BOTH, CHECKS, FINDINGS
 from comparisons.cases.single_contact import head_on
 from comparisons.cases.single_contact.meetings import ladder
 from comparisons.harness.case import Case, Figure, Table, Tier, Variant
@@ -56,47 +56,48 @@ CASE = Case(
     name="liggghts_findings",
     title="What was found out about LIGGGHTS",
     purpose=(
-        "A reference code has behaviours of its own, and who compares with it, or calibrates by it, should"
-        " know them and their size. Each is reproduced here by a deck that can be read below, next to the"
-        " line of our decks, the option or the law of gpudem that is free of it. gpudem follows LIGGGHTS'"
-        " law where that is what is compared (friction, half-step damping), and offers the other by an"
-        " option. None of this makes LIGGGHTS unfit: each sets a flow on another course, as any rounding"
-        " does, only earlier; whether means shift is what the dam break's seeds are for."
+        "Behaviors of the reference code that a user who compares or calibrates with it should know, with"
+        " their size. Each is reproduced by a deck that is printed below, beside the line of our decks, the"
+        " option or the law of gpudem that is free of it. gpudem follows LIGGGHTS' law where that is what is"
+        " compared (friction, half-step damping), and offers the other as an option. None of this makes"
+        " LIGGGHTS unfit: each changes a flow as rounding does, only earlier; whether means shift is tested"
+        " with the seeds of the dam break."
     ),
     source="LIGGGHTS 3.8.0 as Debian has it, run here; its manual.",
     variants=variants,
     checks=CHECKS,
+    findings=FINDINGS,
     figures=(
         Figure(
             "A ball hops on a ball",
-            "The first impact is the same; from the second on, the default deck goes on with the spring that"
-            " the first left behind.",
-            findings_figures.hop, needs=("liggghts",),
+            "The first impact is the same; in the second, the default deck starts with the spring that the"
+            " first left.",
+            figures.hop, needs=("liggghts",),
         ),
         Figure(
             "Friction above Coulomb's line",
-            "Impacts that slide throughout. Lines: gpudem, rings: LIGGGHTS, the same option for option. The"
-            " restitution that counts is the one that comes out. With both options friction takes up to 1.5 %"
-            " less, since the first touch sticks.",
-            findings_figures.sliding, needs=BOTH,
+            "Impacts that slide throughout. Lines: gpudem, rings: LIGGGHTS, equal for each option. The"
+            " restitution is the measured one. With both options friction takes up to 1.5 % less, since the"
+            " first contact sticks.",
+            figures.sliding, needs=BOTH,
         ),
         Figure(
             "Damping at half steps",
             "Head-on pairs, e = 0.3 to 0.9, largest error against the exact solution.",
-            findings_figures.half_step, needs=BOTH,
+            figures.half_step, needs=BOTH,
         ),
         Figure(
             "In a flow",
-            "5000 balls after the gate has gone, each behaviour against the same flow without it."
-            " Rounding shows how chaos alone grows: by 0.15 s all differ by a per cent, as any runs do.",
-            findings_figures.flow, tiers=BENCH, needs=BOTH,
+            "5000 balls after the removal of the gate, each behavior against the same flow without it."
+            " Rounding shows the growth by chaos: after 0.15 s all differ by a per cent, as any two runs do.",
+            figures.flow, tiers=BENCH, needs=BOTH,
         ),
     ),
     tables=(
         Table(
             "What was found out about LIGGGHTS",
-            "Plain facts: size in one contact and in a flow of 5000 balls, and what is free of each.",
-            findings_figures.summary, needs=BOTH, section="limits",
+            "Size in one contact and in a flow of 5000 balls, and what is free of each behavior.",
+            figures.summary, needs=BOTH, section="limits",
         ),
     ),
     features=(

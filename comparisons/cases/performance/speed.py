@@ -53,9 +53,8 @@ def _pairs(results: Results) -> list[tuple[str, str]]:
 
 def rates(results: Results, bed: str, cores: int, *asked: str) -> list[list[float]]:
     """Particle-steps per second of each of the codes, by repeat; of repeats that all of them ran."""
-    labels = [label for label in results.labels() if label.startswith(f"{bed}_{cores}_")]
-    both = [label for label in labels if set(asked) <= set(results.codes(label))]
-    return [[results[label, code].timing.rate for label in both] for code in asked]
+    labels = results.labels(*asked, prefix=f"{bed}_{cores}_")
+    return [[results[label, code].timing.rate for label in labels] for code in asked]
 
 
 def speed_ups(results: Results, bed: str, cores: int, code: str, other: str) -> list[float]:
