@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from comparisons.harness import attribution, codes, jobs, provenance, recorded_cases, setup_table
+from comparisons.harness import attribution, codes, jobs, provenance, recorded_cases, setup_table, sources
 from comparisons.harness.case import Case, Tier, Variant
 from comparisons.harness.evaluate import Evaluation, describe, outcome
 from comparisons.harness.progress import Reporter, duration
@@ -466,4 +466,4 @@ def _without_run(
 def _blank(case: Case, tier: Tier) -> CaseResult:
     recorded = recorded_cases.find(case.name) if tier != "full" else None
     facts = (case.name, case.title, case.purpose, case.source, case.order, case.features)
-    return CaseResult(*facts, recorded=recorded)
+    return CaseResult(*facts, recorded=recorded, code=sources.hashes(case))

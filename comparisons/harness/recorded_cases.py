@@ -40,6 +40,7 @@ def keep(comparison: Comparison, directory: Path, folder: Path = FOLDER) -> list
             wall_s=round(case.wall_s, 1),
             checks=[c for c in comparison.checks if c.case == case.name],
             artefacts=_artefacts(case, directory, folder),
+            code=case.code,
             findings=[f for f in comparison.findings if f.case == case.name],
         )
         folder.mkdir(parents=True, exist_ok=True)

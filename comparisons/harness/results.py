@@ -209,6 +209,8 @@ class Recorded:
     artefacts: list[Artefact] = dataclasses.field(default_factory=list)
     """Figures and tables kept beside it, files relative to the folder of the records."""
     findings: list[FindingResult] = dataclasses.field(default_factory=list)
+    code: dict[str, str] = dataclasses.field(default_factory=dict)
+    """As in `CaseResult`; empty in records of before it was kept."""
 
     __pydantic_config__ = ConfigDict(ser_json_inf_nan="strings")
 
@@ -235,6 +237,8 @@ class CaseResult:
     """Of the full tier, where this comparison is of a shorter one."""
     headline: str = ""
     """What was found, in one sentence; empty for a case that has none."""
+    code: dict[str, str] = dataclasses.field(default_factory=dict)
+    """Hash of the source code of each check, over all tiers (`sources.hashes`)."""
 
 
 @dataclasses.dataclass

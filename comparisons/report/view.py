@@ -170,6 +170,25 @@ class View:
             if any(c.mark == mark for c in mine)
         ]
 
+    @staticmethod
+    def changed(case: CaseResult) -> str:
+        """Which checks of the record are made of other code than those of this page, as a sentence."""
+        if case.recorded is None:
+            return ""
+        then = case.recorded.code
+        if not then:
+            return (
+                "Whether the code of its checks has changed since is not known: their hashes were not kept."
+            )
+        names = [check.name for check in case.recorded.checks]
+        other = [name for name in names if then.get(name) != case.code.get(name)]
+        if not other:
+            return "The code of its checks has not changed since."
+        what = "(scenes, measures or reference solutions) has changed since"
+        if len(other) == len(names):
+            return f"The code of all its checks {what}."
+        return f"The code of {len(other)} of its {len(names)} checks {what}: {'; '.join(other)}."
+
     # -- cases -----------------------------------------------------------------------------------------------
 
     def timings_of(self, case: str) -> list[TimingResult]:

@@ -1,12 +1,14 @@
 """Results of the full tier, kept in the project and shown, as recorded, by reports of a shorter tier."""
 
 import dataclasses
+import importlib
 import json
+import sys
 
 import pytest
 
 from comparisons import cli
-from comparisons.harness import discover, execute, recorded_cases
+from comparisons.harness import discover, execute, recorded_cases, sources
 from comparisons.harness.case import Table
 from comparisons.harness.discover import find_cases
 from comparisons.report import page as report
@@ -124,3 +126,73 @@ def test_what_the_project_keeps_is_of_its_cases():
         names = {check.name for check in cases[path.stem].checks_of("full")}
         assert {check.name for check in recorded.checks} <= names, path.stem
         assert json.loads(path.read_text())["provenance"]["commit"] != "unknown"
+
+
+@pytest.fixture
+def their_case(tmp_path, monkeypatch):
+    """Writes a package of cases, with additions to its modules, and gives the hashes of its two checks."""
+    package = tmp_path / "their_cases"
+    package.mkdir()
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def hashes(helper="", other="", scenes=""):
+        texts = {
+            "__init__": "",
+            "helper": f"LIMIT = 1.0\n{helper}",
+            "other": f"from tests.comparisons import fake\nCHECK = fake.case().checks[0]\n{other}",
+            "scenes": f"def variants(tier):\n    return []\n{scenes}",
+            "one": (
+                "import dataclasses\nfrom comparisons.harness.case import Case\nfrom . import other, scenes\n"
+                "def measure(results):\n    from their_cases.helper import LIMIT\n    return LIMIT\n"
+                "mine = dataclasses.replace(other.CHECK, name='mine', measure=measure)\n"
+                "CASE = Case('one', 'One', '', '', scenes.variants, (mine, other.CHECK))\n"
+            ),
+        }
+        for name, text in texts.items():
+            (package / f"{name}.py").write_text(text)
+        for name in [name for name in sys.modules if name.split(".")[0] == "their_cases"]:
+            del sys.modules[name]
+        importlib.invalidate_caches()
+        for cached in (sources._hash, sources._imports, sources._file):
+            cached.cache_clear()
+        return sources.hashes(importlib.import_module("their_cases.one").CASE)
+
+    yield hashes
+    for name in [name for name in sys.modules if name.split(".")[0] == "their_cases"]:
+        del sys.modules[name]
+
+
+def test_the_code_of_a_check_and_of_what_it_imports(their_case):
+    """Catches a change in a helper, imported within a function or relatively, that leaves the hash."""
+    first = their_case()
+    theirs = fake.case().checks[0].name
+    assert set(first) == {"mine", theirs}
+    assert their_case() == first
+    helper = their_case(helper="LIMIT = 2.0\n")
+    assert helper["mine"] != first["mine"]
+    assert helper[theirs] == first[theirs]
+    assert their_case(other="X = 1\n")["mine"] != first["mine"]
+    scenes = their_case(scenes="Y = 1\n")
+    assert scenes["mine"] != first["mine"]
+    assert scenes[theirs] != first[theirs]
+
+
+@pytest.mark.parametrize(
+    ("code", "text"),
+    [
+        (lambda now: now, "The code of its checks has not changed since."),
+        (lambda now: {}, "has changed since is not known"),
+        (lambda now: dict.fromkeys(now, "0"), "The code of all its checks (scenes"),
+        (lambda now: {**now, "apex": "0"}, "The code of 1 of its 4 checks (scenes"),
+    ],
+    ids=["same", "not kept", "all", "one"],
+)
+def test_the_page_says_which_checks_have_changed(kept, tmp_path, code, text):
+    data = json.loads((kept / "throw.json").read_text())
+    data["code"] = code(data["code"])
+    (kept / "throw.json").write_text(json.dumps(data))
+    (tmp_path / "quick").mkdir()
+    execute.Session([fake.case()], tmp_path / "quick", tier="quick").run()
+    page = (tmp_path / "quick" / "report.html").read_text()
+    assert text in page
+    assert ("has changed since: apex." in page) is ("of 1 of" in text)
