@@ -165,7 +165,7 @@ def cases(tier: Any, packages: tuple[str, ...]) -> int:
 @PACKAGES
 @click.option("--tier", type=click.Choice(TIERS), default="quick", show_default=True)
 @click.option(
-    "--seeds", type=click.IntRange(5, 10), default=5, show_default=True, help="Of a scene: runs a code."
+    "--seeds", type=click.IntRange(5, 10), help="Of a scene: runs over seeds, each code.  [default: 5]"
 )
 @click.option("--against", multiple=True, help="Of a scene: only this code beside gpudem; repeatable.")
 @click.option("--work-precision", is_flag=True, help="Of a scene: error against time over steps.")
@@ -208,7 +208,7 @@ def compare(
     jobs: int | None,
     out: Path | None,
     quiet: bool,
-    seeds: int,
+    seeds: int | None,
     against: tuple[str, ...],
     work_precision: bool,
     **options: Any,
@@ -223,9 +223,11 @@ def compare(
     from comparisons.scene_case import build
 
     scenes, known = build.split(case)
+    if not scenes and (seeds or work_precision):
+        raise GpudemError("--seeds and --work-precision are for scene files, and none is given")
     cases = cases_to_run(known, tier, packages) if known or packages or not scenes else []  # may bring codes
     cases += build.from_files(
-        scenes, [c.name for c in cases], seeds=seeds, work_precision=work_precision,
+        scenes, [c.name for c in cases], seeds=seeds or 5, work_precision=work_precision,
         precision=options["precision"],
     )  # fmt: skip
     beside = ["gpudem", *against] if against else None

@@ -21,6 +21,8 @@ from gpudem.scene.time_step import position_spacing
 FACTOR = 30.0
 #: The horizon: there the allowed difference has grown to this share of the smallest diameter.
 LIMIT = 1e-3
+#: The horizon must lie behind so many times of the trace for an agreement to mean something.
+LEAST_TIMES = 3
 #: Change of positions / diameter by half the step up to which the error of the step is measured.
 RESOLVED = 0.01
 #: Level of the test over distributions.
@@ -62,6 +64,13 @@ class Agreement:
     largest: float
     """Largest difference of positions until the horizon / smallest diameter."""
     parting: parting.Parting | None
+    times: int
+    """Times of the trace until the horizon."""
+
+    @property
+    def vacuous(self) -> bool:
+        """Too few times until the horizon for an agreement to mean anything."""
+        return self.times < LEAST_TIMES
 
 
 def diameter(scene: Scene) -> float:
@@ -138,7 +147,7 @@ def agreement(results: Results, plan: Plan, code: str, other: str) -> Agreement:
         )  # fmt: skip
         return Agreement(
             limits.time, relative, float(np.max(ratios, axis=0)[inside].max()), float(relative[inside].max()),
-            where,
+            where, int(inside.sum()),
         )  # fmt: skip
 
     return results.once(("agreement", label, code, other), compute)
@@ -170,6 +179,11 @@ def resolved(results: Results, plan: Plan) -> float:
 def seed_labels(plan: Plan) -> list[str]:
     """Labels of the variants over seeds."""
     return [f"{plans.SEED}_{k}" for k in range(1, plan.seeds + 1)]
+
+
+def has_seeds(results: Results, plan: Plan, *codes: str) -> bool:
+    """Whether all runs over seeds exist of all of these codes."""
+    return all(has(results, label, *codes) for label in seed_labels(plan))
 
 
 def samples(results: Results, plan: Plan, code: str) -> dict[str, np.ndarray]:

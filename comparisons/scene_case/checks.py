@@ -21,8 +21,6 @@ OVERLAP, STEPS = 0.1, 10.0
 ENERGY = 0.05
 #: Change of momentum / sum of m |v|: rounding of as many sums as there are steps and contacts.
 MOMENTUM = 1e-9
-#: The horizon must lie behind so many times of the trace for an agreement to mean something.
-LEAST_TIMES = 3
 
 
 def between(plan: Plan) -> PerPair:
@@ -58,9 +56,9 @@ def agreement(results: Results, plan: Plan, code: str, other: str) -> Measured:
     limits = analysis.envelope(results, plan)
     own = analysis.trace(results[plans.SCENE, code])
     inside = limits.time <= limits.horizon
-    if inside.sum() < LEAST_TIMES:
-        raise Unmeasured("rounding has grown beyond the limit before the third time of the trace")
     found = analysis.agreement(results, plan, code, other)
+    if found.vacuous:
+        raise Unmeasured("rounding has grown beyond the limit before the third time of the trace")
     moved = float(np.abs(own["position"][inside] - own["position"][0]).max())
     note = f"{inside.sum()} times until {min(limits.horizon, limits.time[-1]):.6g} s"
     if found.parting:
@@ -73,8 +71,8 @@ def distributions(results: Results, plan: Plan, code: str, other: str) -> Measur
     """Smallest corrected p."""
     if math.isinf(analysis.envelope(results, plan).horizon):
         raise Unmeasured("the codes can be compared particle by particle to the end: nothing is left for it")
-    if not analysis.has(results, analysis.seed_labels(plan)[0], code, other):
-        raise Unmeasured("no runs over seeds")
+    if not analysis.has_seeds(results, plan, code, other):
+        raise Unmeasured("runs over seeds are missing")
     found = analysis.distributions(results, plan, code, other)
     if not found:
         raise Unmeasured("no metric varies")

@@ -203,7 +203,8 @@ def distributions(results: Results, plan: Plan) -> pandas.DataFrame:
     import pandas
 
     rows = []
-    for code, other in codes.pairs(ran(results, analysis.seed_labels(plan)[0])):
+    complete = [code for code in codes.CODES if analysis.has_seeds(results, plan, code)]
+    for code, other in codes.pairs(complete):
         for name, (c, p) in analysis.distributions(results, plan, code, other).items():
             pair = f"{codes.title(code)} / {codes.title(other)}"
             rows.append((pair, name, *c.mean, *c.spread, c.difference, c.half_width, c.p, p))

@@ -21,7 +21,8 @@ def sentence(plan: Plan, results: Results, checks: Sequence[CheckResult]) -> str
     """What was found: agreement of each pair, codes left out, and checks of single codes that fail."""
     ran = _ran(results)
     if not ran:
-        why = {**results.left_out, **results.failed}.values()
+        every = {**results.left_out, **results.failed}
+        why = [text for (label, _), text in every.items() if label == plans.SCENE]
         return f"no code ran the scene: {'; '.join(dict.fromkeys(_short(text) for text in why))}"
     parts = [_pair(plan, results, *pair) for pair in pairs_of(results)]
     if not parts:
@@ -53,6 +54,9 @@ def _pair(plan: Plan, results: Results, code: str, other: str) -> str:
     found = analysis.agreement(results, plan, code, other)
     if found.parting is not None:
         return f"{one} and {two} separate earlier than rounding explains: {found.parting.sentence}"
+    if found.vacuous:
+        text = f"rounding allows no comparison of {one} and {two} particle by particle"
+        return f"{text}; {after(plan, results, code, other)}"
     if math.isinf(limits.horizon):
         return (
             f"{one} and {two} agree to rounding in the whole run of {limits.time[-1]:.4g} s"
@@ -71,8 +75,8 @@ def _size(largest: float) -> str:
 
 def after(plan: Plan, results: Results, code: str, other: str) -> str:
     """What the distributions of two codes show."""
-    if not analysis.has(results, analysis.seed_labels(plan)[0], code, other):
-        return "nothing is compared"
+    if not analysis.has_seeds(results, plan, code, other):
+        return "nothing is compared, since runs over seeds are missing"
     found = analysis.distributions(results, plan, code, other)
     over = f"{plan.seeds} {plan.starts}"
     low = {name: p for name, (_, p) in found.items() if p < analysis.ALPHA}

@@ -12,7 +12,7 @@ from comparisons import cli
 from comparisons.harness import codes, execute
 from comparisons.harness.case import Results
 from comparisons.metrics import statistics
-from comparisons.scene_case import build, headline
+from comparisons.scene_case import analysis, build, headline
 from comparisons.scene_case import plan as plans
 from gpudem import driver
 from gpudem.errors import GpudemError
@@ -231,6 +231,15 @@ def test_steps_and_precisions(compare):
     assert {r.variant for r in comparison.runs} >= {"step_1_float32", "step_0.0625_float64"}
 
 
+def test_rounding_that_allows_no_comparison(compare, monkeypatch):
+    """Detects: agreement until 0 s called agreement."""
+    monkeypatch.setattr(analysis, "LIMIT", 1e-16)
+    sentence, comparison = compare(hit(), beside(lambda s: s.replace(solver={"skin": 2.5e-3})))
+    first = next(c for c in comparison.checks if c.name.startswith("positions and speeds"))
+    assert first.status == "left_out"
+    assert sentence.startswith("rounding allows no comparison of gpudem and Other particle by particle; ")
+
+
 def test_files_and_names_at_the_command_line(tmp_path, monkeypatch, capsys):
     """Detects: a scene taken for the name of a case, two scenes of one name, a file that is not there."""
     monkeypatch.chdir(tmp_path)
@@ -245,6 +254,8 @@ def test_files_and_names_at_the_command_line(tmp_path, monkeypatch, capsys):
     assert "no such file" in capsys.readouterr().err
     assert cli.main(["compare", "one.toml", "--against", "yade", "-q"]) == 2
     assert "--against: no code 'yade'" in capsys.readouterr().err
+    assert cli.main(["compare", "head_on", "--work-precision", "-q"]) == 2
+    assert "are for scene files, and none is given" in capsys.readouterr().err
 
 
 @pytest.mark.liggghts
@@ -275,7 +286,7 @@ def test_the_sentence_on_distributions():
     """Detects: a significant difference that the sentence hides, or one of chance that it reports."""
     scene_plan = plans.make(gas(), 5, False)
     one, two = np.array([1.0, 1.1, 0.9, 1.05, 0.95]), np.array([2.0, 2.1, 1.9, 2.05, 1.95])
-    runs: dict = {("seed_1", code): None for code in ("gpudem", "liggghts")}
+    runs: dict = {(f"seed_{k}", code): None for k in range(1, 6) for code in ("gpudem", "liggghts")}
 
     def said(p: float) -> str:
         found = {"kinetic energy, mean [J]": (statistics.welch(one, two), p)}
@@ -286,4 +297,7 @@ def test_the_sentence_on_distributions():
         "a significant difference over 5 seeds in 1 of 1 metrics, first of all kinetic"
     )
     assert "1 against 2 (corrected p = 0.008)" in said(0.008)
+    del runs["seed_3", "liggghts"]
+    assert said(0.3) == "nothing is compared, since runs over seeds are missing"
+    runs["seed_3", "liggghts"] = None
     assert said(0.3).startswith("no significant difference in 1 metrics over 5 seeds (p > 0.01; differences")
