@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,10 +14,6 @@ from comparisons.cases.single_contact.meetings import exact
 from comparisons.harness import check_builders as build
 from comparisons.harness.case import Figure, Measured, Results, Table
 from comparisons.report import plots
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
 
 #: Published points: squares and triangles by material, in a color that no code has.
 POINTS = ({"marker": "s"}, {"marker": "^"})
@@ -32,7 +28,7 @@ def _points(code: str) -> dict[str, Any]:
 def force(test: Test, prefix: str, table: str) -> Figure:
     """Normal force in time and against overlap, of the first material."""
 
-    def draw(results: Results) -> MatplotlibFigure:
+    def draw(results: Results) -> plots.Figure:
         figure, axes = plots.figure(1, 2, width=plots.WHOLE, height=3.4)
         label = results.finest(prefix)
         ran = results.codes(label)
@@ -74,7 +70,7 @@ def force(test: Test, prefix: str, table: str) -> Figure:
 def restitution(test: Test, prefix: str) -> Figure:
     """Restitution out against restitution in."""
 
-    def draw(results: Results) -> MatplotlibFigure:
+    def draw(results: Results) -> plots.Figure:
         figure, (top, low) = plots.figure(2, 1, height=4.6, sharex=True, height_ratios=(1.5, 1))
         label = results.finest(prefix)
         put_in = np.array([b.restitution for b in test.balls])
@@ -99,7 +95,8 @@ def restitution(test: Test, prefix: str) -> Figure:
 
 def curves(
     test: Test, prefix: str, title: str, caption: str, quantities: dict[str, tuple[str, str, str]],
-    columns: dict[str, dict[str, str]], extra: dict[str, Callable[[Axes], Any]] | None = None, **fields: Any,
+    columns: dict[str, dict[str, str]], extra: dict[str, Callable[[plots.Axes], Any]] | None = None,
+    **fields: Any,
 ) -> Figure:  # fmt: skip
     """One panel a quantity (-> table, x label, y label) with a curve a material: ODE line, codes, published.
 
@@ -107,7 +104,7 @@ def curves(
     into the panel of a quantity.
     """
 
-    def draw(results: Results) -> MatplotlibFigure:
+    def draw(results: Results) -> plots.Figure:
         figure, axes = plots.figure(1, len(quantities), width=plots.WHOLE, height=3.6, squeeze=False)
         label = results.finest(prefix)
         ran = results.codes(label)
@@ -142,7 +139,7 @@ def options(tests: dict[str, tuple[Test, str]], material: str, quantity: str, ta
     and the codes.
     """
 
-    def draw(results: Results) -> MatplotlibFigure:
+    def draw(results: Results) -> plots.Figure:
         figure, axes = plots.figure(width=plots.WHOLE, height=4.2)
         shown = {prefix: test for prefix, test in tests.items() if results.labels(prefix=prefix)}
         for (prefix, (test, name)), color in zip(shown.items(), plots.SERIES, strict=False):
@@ -190,12 +187,12 @@ def finals_table(test: Test, prefix: str, **fields: Any) -> Table:
     )  # fmt: skip
 
 
-def sliding_line(test: Test) -> Callable[[Axes], Any]:
+def sliding_line(test: Test) -> Callable[[plots.Axes], Any]:
     """Gross sliding of the rigid sphere in the axes of T5 and T6, (x - 7/2 mu (1 + e))/e."""
     b = test.balls[0]
     limit = 3.5 * (1 + b.stated) * (test.friction if test.number == 6 else 1.0)
 
-    def draw(ax: Axes) -> None:
+    def draw(ax: plots.Axes) -> None:
         x = np.array([limit, ax.get_xlim()[1]])
         ax.plot(x, (x - limit) / b.stated, color="0.5", lw=1, ls=":", label="slides throughout")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,10 +16,6 @@ from comparisons.oracles import closed_forms
 from comparisons.oracles.linear import Bouncer, hard_sphere_top, squeezed_column
 from comparisons.report import plots
 from gpudem.output.run import Run
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
 
 #: (stiffness [N/m], restitution) of each sphere.
 Rows = tuple[tuple[float, float], ...]
@@ -222,7 +218,7 @@ CHECKS = (
 # -- figure ------------------------------------------------------------------------------------------------
 
 
-def _drop_axes(axes: Axes, results: Results, name: str, rows: Rows, only: float) -> None:
+def _drop_axes(axes: plots.Axes, results: Results, name: str, rows: Rows, only: float) -> None:
     """Height in time of the spheres of one stiffness: exact, and the codes' marks."""
     time = results[name, results.codes(name)[0]].trace["time"]
     for k, (stiffness, e) in enumerate(rows):
@@ -235,7 +231,7 @@ def _drop_axes(axes: Axes, results: Results, name: str, rows: Rows, only: float)
     axes.set_title(f"{name.upper()}, k = {only:g} N/m")
 
 
-def _column_axes(axes: Axes, results: Results) -> None:
+def _column_axes(axes: plots.Axes, results: Results) -> None:
     """DEM03: height of the upper sphere."""
     ran = results.codes("dem03")
     time = results["dem03", ran[0]].trace["time"]
@@ -250,7 +246,7 @@ def _column_axes(axes: Axes, results: Results) -> None:
     plots.legend(axes, loc="lower right", ncols=3)
 
 
-def _pellet_axes(axes: Axes, results: Results) -> None:
+def _pellet_axes(axes: plots.Axes, results: Results) -> None:
     """DEM05: rebound angle."""
     ran = results.codes("dem05")
     solved = [exact(results, results["dem05", ran[0]].scene, m) for m in mfix.MEETINGS]
@@ -266,7 +262,7 @@ def _pellet_axes(axes: Axes, results: Results) -> None:
     plots.legend(axes)
 
 
-def _figure(results: Results) -> MatplotlibFigure:
+def _figure(results: Results) -> plots.Figure:
     figure, axes = plots.figure(2, 2, width=plots.WHOLE, height=6.6)
     _drop_axes(axes[0, 0], results, "dem01", mfix.FALLS, 1e4)
     plots.legend(axes[0, 0], points=results.codes(), loc="lower left")

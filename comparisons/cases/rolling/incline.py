@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +13,6 @@ from comparisons.oracles.rolling import down_slope, sticking_limit
 from comparisons.report import plots
 from gpudem.output.run import Run
 from gpudem.scene import Domain, Output, Scene, Time
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
 
 SLOPES = (20.0, 45.0)
 #: Friction as a multiple of 2/7 tan(slope), where rolling ends.
@@ -78,7 +74,7 @@ def transition(results: Results, code: str) -> dict[str, Measured]:
     return found
 
 
-def _figure(results: Results) -> MatplotlibFigure:
+def _figure(results: Results) -> plots.Figure:
     figure, axes = plots.figure(1, len(SLOPES), width=plots.WHOLE, height=3.8, sharey=True)
     grid = np.linspace(0.0, 2.6, 400)
     for ax, slope in zip(axes, SLOPES, strict=True):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +13,6 @@ from comparisons.oracles.rolling import resisted
 from comparisons.report import plots
 from gpudem.output.run import Run
 from gpudem.scene import Contact, Domain, Output, Scene, Time
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
 
 FRICTION = 0.6
 #: Law -> line in figures.
@@ -100,7 +96,7 @@ def held(results: Results, code: str) -> Measured:
     return Measured(creep(results, "epsd2", code), note=f"cdt: {creep(results, 'cdt', code):.2g}")
 
 
-def _figure(results: Results) -> MatplotlibFigure:
+def _figure(results: Results) -> plots.Figure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
     for law, slope in VARIANTS:
         for code in results.codes(label(law, slope)):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from comparisons.cases.rolling.scenes import GRAVITY, RADIUS, on_plane, step_by_step
@@ -14,9 +12,6 @@ from comparisons.oracles import closed_forms
 from comparisons.report import plots
 from gpudem.output.run import Run
 from gpudem.scene import Contact, Domain, Material, Output, Scene, Time
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
 
 #: Throwing speed [m/s], direction in the floor's plane, friction with the floor.
 THROWS = ((0.5, (1.0, 0.0), 0.3), (1.0, (0.0, 1.0), 0.5), (0.35, (-0.6, 0.8), 0.2))
@@ -77,7 +72,7 @@ def not_rolling(run: Run) -> str:
     return next((f"{name}: does not roll at the end" for name in slow), "")
 
 
-def _figure(results: Results) -> MatplotlibFigure:
+def _figure(results: Results) -> plots.Figure:
     ran, curves = results.codes(EXACT), {}
     time = results[EXACT, ran[0]].trace["time"]
     for k, (u, _, mu) in enumerate(THROWS):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from comparisons.cases.single_contact.checks import closed_form_errors
@@ -18,9 +16,6 @@ from comparisons.harness.case import Figure, Results, Table
 from comparisons.metrics import trace as measure
 from comparisons.report import plots
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
 
 def overlay(meetings: list[Meeting], prefix: str = "", component: int = 0, title: str = "") -> Figure:
     """Velocity of the codes in time, and below their differences from each other and from the exact motion.
@@ -29,7 +24,7 @@ def overlay(meetings: list[Meeting], prefix: str = "", component: int = 0, title
     """
     name = ("normal", "tangential")[component]
 
-    def draw(results: Results) -> MatplotlibFigure:
+    def draw(results: Results) -> plots.Figure:
         label, since, curves = results.finest(prefix), {}, {}
         ran = results.codes(label)
         time = results[label, ran[0]].trace["time"]
@@ -57,7 +52,7 @@ def overlay(meetings: list[Meeting], prefix: str = "", component: int = 0, title
 def convergence(meetings: list[Meeting], prefix: str = "") -> Figure:
     """Velocity error against the time step, one line per meeting and code, with the observed order."""
 
-    def draw(results: Results) -> MatplotlibFigure:
+    def draw(results: Results) -> plots.Figure:
         figure, axes = plots.figure(height=4.2)
         ran = results.codes()
         for k, m in enumerate(meetings):
@@ -82,7 +77,7 @@ def convergence(meetings: list[Meeting], prefix: str = "") -> Figure:
 def work_precision(meetings: list[Meeting], prefix: str = "") -> Figure:
     """Velocity error, largest over the meetings, against the seconds spent stepping."""
 
-    def draw(results: Results) -> MatplotlibFigure:
+    def draw(results: Results) -> plots.Figure:
         series = {}
         for code in results.codes():
             rows = np.max([_ladder(results, prefix, code, m) for m in meetings], axis=0)

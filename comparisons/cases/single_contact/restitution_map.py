@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +14,6 @@ from comparisons.harness import check_builders as build
 from comparisons.harness.case import TIERS, Case, Figure, PerCode, PerPair, Results, Tier, Variant
 from comparisons.oracles import closed_forms, normal_impact
 from comparisons.report import plots
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
 
 #: Steps of the flight, and a half: a tenth of the shortest contact.
 RUNGS: dict[Tier, tuple[int, ...]] = {
@@ -78,7 +74,7 @@ VISCOELASTIC = (
 )  # fmt: skip
 
 
-def _constant(results: Results) -> MatplotlibFigure:
+def _constant(results: Results) -> plots.Figure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
     fine = np.linspace(0.051, 1, 200)
     sizes = {"hertz": 5, "hooke": 9}
@@ -102,7 +98,7 @@ def _constant(results: Results) -> MatplotlibFigure:
     return figure
 
 
-def _speed(results: Results) -> MatplotlibFigure:
+def _speed(results: Results) -> plots.Figure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
     variant = results.finest(grid.label("hertz/stiffness", True))
     exact, v = grid.expected(results, "hertz/stiffness", True), grid.v_stars()

@@ -16,7 +16,6 @@ from gpudem.output.run import Run
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure as MatplotlibFigure
 
 
 def changes(results: Results, run: Run, m: Meeting) -> tuple[float, float]:
@@ -71,7 +70,7 @@ def rebound_map(meetings: list[Meeting], options: dict[str, tuple[bool, bool]]) 
     """
     slips = np.geomspace(0.02, 3.2, 25)
 
-    def draw(results: Results) -> MatplotlibFigure:
+    def draw(results: Results) -> plots.Figure:
         figure, axes = plots.figure(width=plots.WHOLE, height=4.2)
         colors = iter(plots.SERIES)
         for prefix, (limit, dashpot) in options.items():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +13,6 @@ from comparisons.oracles.bodies import Bodies, bodies
 from comparisons.report import plots
 from gpudem.output.run import Run
 from gpudem.scene import Domain, Explicit, Material, Output, Scene, Time
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
 
 GRAVITY = 9.81
 #: Each column from below: radius [m] and material of each sphere.
@@ -122,7 +118,7 @@ def drift(run: Run) -> np.ndarray:
     return np.abs(energy(run)) / float((0.5 * (run.trace["velocity"] ** 2).sum(axis=2) @ mass).max())
 
 
-def _figure(results: Results) -> MatplotlibFigure:
+def _figure(results: Results) -> plots.Figure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
     ran, first = results.codes(), 0
     rest = {code: list(overlaps(results, code).values()) for code in ran}
