@@ -6,7 +6,6 @@ A closed list. Nothing but the report's findings comes here; a run for compariso
 from __future__ import annotations
 
 import dataclasses
-import os
 import subprocess
 import time
 from collections.abc import Callable
@@ -21,7 +20,7 @@ from reference.liggghts import binary as program
 from reference.liggghts import dump
 from reference.liggghts.console import Console
 from reference.liggghts.deck import DATA, DECK, LOG, RAW, TRACE, Deck, Segment, render
-from reference.liggghts.runner import MPI_AS_ROOT, command, execute
+from reference.liggghts.runner import command, environment, execute
 
 #: Wall-clock limit of a run that nobody watches [s].
 PATIENCE = 120.0
@@ -119,7 +118,7 @@ def _blindly(deck: Deck, directory: Path, binary: str) -> tuple[Console, int]:
     (directory / DATA).write_text(deck.data)
     try:
         done = subprocess.run(
-            command(binary, 1), cwd=directory, env={**os.environ, **MPI_AS_ROOT}, stdin=subprocess.DEVNULL,
+            command(binary, 1), cwd=directory, env=environment(1), stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace", timeout=PATIENCE,
             check=False,
         )  # fmt: skip
