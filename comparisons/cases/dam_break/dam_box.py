@@ -30,7 +30,7 @@ FULL: tuple[Tier, ...] = ("full",)
 
 def variants(tier: Tier) -> list[Variant]:
     scene = dam.Dam(radius=RADIUS[tier], slice=False).scene()
-    return [Variant(LABEL, scene, options={"liggghts": {"ranks": 2}}, timed=True)]
+    return [Variant(LABEL, scene)]
 
 
 def strips(results: Results, code: str) -> np.ndarray:
@@ -102,7 +102,6 @@ def _table(results: Results) -> list[dict[str, Any]]:
     for code in results.codes():
         run, read = results[LABEL, code], 1e3 * strips(results, code)
         row = {"code": plots.name(code), "balls": len(run.scene.state), "steps": run.timing.steps}
-        row |= {"stepping [s]": run.timing.stepping_s, "cores": run.timing.cores}
         row |= {
             "column before [mm]": 1e3 * dam.bed(run)["height"],
             "time to the far wall [s]": dam.arrival(run),
