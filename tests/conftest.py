@@ -20,9 +20,6 @@ from comparisons.harness.pytest_checks import CheckItem
 #: The plug-in comes with the installed package; from a tree that is not installed it is named here.
 pytest_plugins = [] if entry_points(group="pytest11", name="gpudem") else ["comparisons.pytest_plugin"]
 
-#: Cases of the quick tier whose checks compare run times.
-TIMED_CASES = {"event_speed"}
-
 
 def _gpu() -> bool:
     from comparisons.harness.provenance import gpus
@@ -59,7 +56,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if isinstance(item, CheckItem):
             item.add_marker("cases")
-            if item.case.name in TIMED_CASES:
+            if item.case.timed:
                 item.add_marker("timing")
 
 

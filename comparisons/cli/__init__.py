@@ -259,12 +259,15 @@ def compare(
 def _found(result: Comparison, directory: Path) -> None:
     """The last lines of a comparison."""
     from comparisons.harness import progress
+    from comparisons.report import view
 
     n = result.counts()
     click.echo(
         f"{n['pass']} pass, {n['fail']} fail, {n['error']} error, {n['left_out']} left out"
         f" in {progress.duration(result.wall_s)}\n{directory / 'report.html'}"
     )
+    for line in view.missing_codes(result):
+        click.echo(line)
     for found in [c for c in result.cases if c.headline]:
         click.echo(f"{found.name}: {found.headline}")
     for line in result.broken():

@@ -96,6 +96,11 @@ def title(code: str) -> str:
     return CODES[code].title if code in CODES else code
 
 
+def missing(code: str) -> str:
+    """Why a code cannot run on this machine and how to get it; empty if it can, or is not known."""
+    return CODES[code].missing() if code in CODES else ""
+
+
 def unit(code: str) -> str:
     """What a code's `Timing.cores` counts: core, rank."""
     return CODES[code].unit if code in CODES else "core"

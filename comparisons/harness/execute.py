@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from comparisons.harness import attribution, codes, jobs, provenance, recorded_cases, setup_table, sources
-from comparisons.harness.case import Case, Tier, Variant
+from comparisons.harness.case import Case, Tier, Unmeasured, Variant
 from comparisons.harness.evaluate import Evaluation, describe, outcome
 from comparisons.harness.progress import Reporter, duration
 from comparisons.harness.results import (
@@ -155,6 +155,7 @@ class Session:
             written=provenance.utc_now(),
             provenance=provenance.collect(command),
             cases=[_blank(case, tier) for case in cases],
+            missing={code: why for code in selected if (why := codes.missing(code))},
         )
 
     def run(self) -> Comparison:
@@ -330,11 +331,13 @@ class Session:
                 (job.directory / "error.txt").write_text(outcome.traceback)
                 self.reporter.say(f"  ERROR {codes.title(code)} on {name} {label}: {outcome.why}")
             return
-        timing: dict[str, Any] = dataclasses.asdict(run.timing) | {"rate": run.timing.rate}
-        self.comparison.timings.append(
-            TimingResult(case=name, variant=label, code=code, version=run.version, wall_s=outcome.wall_s,
-                         shared=shared, **timing)
-        )  # fmt: skip
+        recorded = bool(run.notes.get("recorded", False))
+        if not recorded:
+            timing: dict[str, Any] = dataclasses.asdict(run.timing) | {"rate": run.timing.rate}
+            self.comparison.timings.append(
+                TimingResult(case=name, variant=label, code=code, version=run.version, wall_s=outcome.wall_s,
+                             shared=shared, **timing)
+            )  # fmt: skip
         self.comparison.runs.append(
             RunResult(
                 **facts,
@@ -343,11 +346,12 @@ class Session:
                 warnings=run.warnings,
                 notes=run.notes,
                 deck_hash=str(run.notes.get("deck_hash", "")),
-                recorded=bool(run.notes.get("recorded", False)),
+                recorded=recorded,
             )
         )
-        if not case.variants[label].timed:
-            run = dataclasses.replace(run, timing=Untimed(**dataclasses.asdict(run.timing)))
+        if recorded or not case.variants[label].timed:
+            timing_type = ElsewhereTimed if recorded else Untimed
+            run = dataclasses.replace(run, timing=timing_type(**dataclasses.asdict(run.timing)))
         evaluation.runs[label, code] = run
 
     def _judge(self, case: _Open) -> list[CheckResult]:
@@ -424,11 +428,23 @@ class Untimed(Timing):
     def __getattribute__(self, name: str) -> Any:
         """Everything but times."""
         if name.endswith("_s") or name == "rate":
-            raise GpudemError(
-                f"timing.{name}: other runs may have shared the machine; a variant whose times are read says"
-                " timed=True"
-            )
+            raise type(self)._error(name)
         return super().__getattribute__(name)
+
+    @staticmethod
+    def _error(name: str) -> GpudemError:
+        return GpudemError(
+            f"timing.{name}: other runs may have shared the machine; a variant whose times are read says"
+            " timed=True"
+        )
+
+
+class ElsewhereTimed(Untimed):
+    """The timing of recorded output: what asks for its seconds is left out."""
+
+    @staticmethod
+    def _error(name: str) -> GpudemError:
+        return Unmeasured(f"timing.{name}: recorded output of another machine says nothing of speed here")
 
 
 def _one_core(options: codes.Options) -> codes.Options:

@@ -259,6 +259,8 @@ class Comparison:
     timings: list[TimingResult] = dataclasses.field(default_factory=list)
     runs: list[RunResult] = dataclasses.field(default_factory=list)
     wall_s: float = 0.0
+    missing: dict[str, str] = dataclasses.field(default_factory=dict)
+    """Codes selected that are not on this machine: why, and how to get them."""
     state: Literal["running", "done", "interrupted"] = "running"
     schema_version: int = SCHEMA_VERSION
 
@@ -267,6 +269,10 @@ class Comparison:
     def counts(self) -> dict[str, int]:
         """Checks by status."""
         return {s: sum(c.status == s for c in self.checks) for s in ("pass", "fail", "error", "left_out")}
+
+    def recorded_runs(self, code: str) -> int:
+        """Runs of a code for which its stored output stood in."""
+        return sum(run.recorded for run in self.runs if run.code == code)
 
     def broken(self) -> list[str]:
         """What went wrong outside the checks: cases, figures, tables and findings that could not be made."""

@@ -63,6 +63,19 @@ class Deck:
     text: str
 
 
+def missing_codes(comparison: Comparison) -> list[str]:
+    """For page and terminal: which codes are not on the machine, how to get them, what that leaves out."""
+    found = []
+    for code, why in comparison.missing.items():
+        stored = comparison.recorded_runs(code)
+        away = sum(run.code == code and run.status == "left_out" for run in comparison.runs)
+        found.append(
+            f"{codes.title(code)} is missing: {why}. Its output of {stored} runs was recorded earlier;"
+            f" {away} runs, and the checks that need them, are left out."
+        )
+    return found
+
+
 class View:
     """A comparison as the templates read it."""
 
@@ -92,6 +105,11 @@ class View:
         if not judged:
             return "warn", "Nothing was checked"
         return "pass", f"All {judged} checks hold"
+
+    @functools.cached_property
+    def missing(self) -> list[str]:
+        """A sentence for each code that is not on the machine."""
+        return missing_codes(self.comparison)
 
     @functools.cached_property
     def versions(self) -> list[str]:

@@ -14,7 +14,8 @@ from gpudem.errors import GpudemError
 from gpudem.output.frames import FrameWriter
 from gpudem.output.run import Run, Timing
 from gpudem.scene import Scene
-from reference.code import Code
+from reference.code import Code, never_missing
+from reference.errors import CodeMissing
 
 SPEED, G = 1.0, 9.81
 
@@ -92,7 +93,8 @@ def code(name: str, error: float = 0.0, fails: str = "", speed: float = 1e6, err
         made.save()
         return made
 
-    return dataclasses.replace(known.CODES[name], run=run)
+    missing = (lambda: fails) if error_kind is CodeMissing else never_missing
+    return dataclasses.replace(known.CODES[name], run=run, missing=missing)
 
 
 def codes(**changes) -> dict[str, Code]:

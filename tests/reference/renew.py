@@ -17,7 +17,9 @@ def main() -> None:
     for path in GOLDEN.glob("*.in"):
         path.write_text(render(AGREEMENT[path.stem]()).text)
     with tempfile.TemporaryDirectory() as folder:
-        recorded.record(liggghts.run(recorded_scene(), Path(folder)))
+        for path in GOLDEN.glob(f"*{recorded.SUFFIX}"):
+            path.unlink()
+        recorded.record(liggghts.run(recorded_scene(), Path(folder), use_recorded=False), GOLDEN)
 
 
 if __name__ == "__main__":

@@ -11,11 +11,13 @@ from reference.liggghts.deck import render
 from reference.liggghts.errors import LiggghtsNotFound
 from tests.reference.emulator import emulate
 from tests.reference.scenes import recorded_scene
+from tests.reference.test_deck import GOLDEN
 
 
 @pytest.fixture
 def no_binary(monkeypatch):
     monkeypatch.setenv("GPUDEM_LIGGGHTS", "/nowhere/liggghts")
+    monkeypatch.setattr(recorded, "FOLDER", GOLDEN)
 
 
 def test_recorded_run_without_the_binary(tmp_path, no_binary):
@@ -38,6 +40,16 @@ def test_another_scene_is_not_taken_for_it(tmp_path, no_binary):
         code.run(recorded_scene().replace(gravity=(0, 0, -1.0)), tmp_path)
     with pytest.raises(LiggghtsNotFound):
         code.run(recorded_scene(), tmp_path, use_recorded=False)
+
+
+def test_packed_columns_come_back_to_the_last_bit():
+    """Would detect: a sign of zero, a NaN or an overflow of the differences lost in the packing."""
+    values = np.random.default_rng(1).normal(size=(40, 3, 3)) * 10.0 ** np.arange(-150, 150, 100)
+    values[3], values[5, 0], values[7], values[9, 1] = -0.0, np.nan, -np.inf, 5e-324
+    for column in (values, values[:, 0, 0].copy(), values[:1], values[:0]):
+        again = recorded._unpacked(recorded._packed(column))
+        assert again.shape == column.shape
+        assert again.tobytes() == column.tobytes()
 
 
 @pytest.mark.liggghts

@@ -1,11 +1,19 @@
-"""LIGGGHTS output kept for machines without the binary, found by the hash of the deck."""
+"""LIGGGHTS output kept for machines without the binary, found by the hash of the deck: one file a run.
+
+`<deck hash>.npz.xz` holds `facts` (JSON in UTF-8), `trace.<column>` and `history.<column>` without loss, and
+`frames.<column>` as `frame_dtype`. Columns of float64 are kept as `_packed` makes them.
+"""
 
 from __future__ import annotations
 
 import datetime
+import io
 import json
+import lzma
 import platform
+from collections.abc import Collection
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,13 +23,20 @@ from gpudem.run import HISTORY_COLUMNS, Run, Timing
 from gpudem.scene import Scene, checks
 
 FOLDER = Path(__file__).parent
+SUFFIX = ".npz.xz"
+#: Prefix of a column that is packed.
+PACKED = "packed."
 
 
-def record(run: Run, folder: Path = FOLDER, frame_dtype: str = "float64") -> Path:
-    """Keep a run: `<deck hash>.npz` (trace and history exact, frames as `frame_dtype`) and `<deck hash>.json`
-    (date, processor, LIGGGHTS version, frame_dtype, timing).
+def record(
+    run: Run,
+    folder: Path | None = None,
+    frame_dtype: str = "float64",
+    leave_out: Collection[str] = (),
+) -> Path:
+    """Keep a run, of a small scene only: the folder travels with the source. Returns the path of the file.
 
-    Keep it for small scenes only: the folder travels with the source. Returns the path of the .npz file.
+    `leave_out`: columns that are not kept, such as "trace.torque".
     """
     key = run.notes["deck_hash"]
     arrays = {f"trace.{name}": column for name, column in (run.trace or {}).items()}
@@ -34,19 +49,27 @@ def record(run: Run, folder: Path = FOLDER, frame_dtype: str = "float64") -> Pat
     facts = {
         "recorded": datetime.date.today().isoformat(), "machine": processor(), "version": run.version,
         "deck_hash": key, "scene": run.scene.name, "frame_dtype": frame_dtype, "warnings": run.warnings,
-        "ranks": run.timing.cores, "stepping_s": run.timing.stepping_s,
+        "ranks": run.timing.cores, "stepping_s": run.timing.stepping_s, "left_out": sorted(leave_out),
     }  # fmt: skip
-    np.savez_compressed(folder / f"{key}.npz", **arrays)  # pyright: ignore[reportArgumentType]
-    (folder / f"{key}.json").write_text(json.dumps(facts, indent=1) + "\n")
-    return folder / f"{key}.npz"
+    kept = {
+        f"{PACKED}{k}" if a.dtype == np.float64 else k: _packed(a) if a.dtype == np.float64 else a
+        for k, a in arrays.items()
+        if k not in leave_out
+    }
+    kept["facts"] = np.frombuffer(json.dumps(facts).encode(), np.uint8)
+    content = io.BytesIO()
+    np.savez(content, **kept)  # pyright: ignore[reportArgumentType]
+    path = _path(key, folder)
+    path.write_bytes(lzma.compress(content.getvalue(), preset=9))
+    return path
 
 
-def has(key: str, folder: Path = FOLDER) -> bool:
+def has(key: str, folder: Path | None = None) -> bool:
     """Whether output of exactly this deck is kept."""
-    return (folder / f"{key}.json").is_file() and (folder / f"{key}.npz").is_file()
+    return _path(key, folder).is_file()
 
 
-def recall(key: str, scene: Scene, directory: Path, folder: Path = FOLDER) -> Run:
+def recall(key: str, scene: Scene, directory: Path, folder: Path | None = None) -> Run:
     """The run kept for exactly this deck, written out in `directory`.
 
     Its timing is that of the machine it was recorded on, and `warnings` and `notes` say that it was recorded.
@@ -54,19 +77,14 @@ def recall(key: str, scene: Scene, directory: Path, folder: Path = FOLDER) -> Ru
     """
     import pandas
 
-    facts_file, arrays_file = folder / f"{key}.json", folder / f"{key}.npz"
-    facts = json.loads(facts_file.read_text())
-    with np.load(arrays_file) as data:
-        parts: dict[str, dict[str, np.ndarray]] = {"trace": {}, "history": {}, "frames": {}}
-        for name in data.files:
-            kind, _, column = name.partition(".")
-            parts[kind][column] = data[name]
+    facts, parts = _read(_path(key, folder))
     writer = FrameWriter(directory, scene)
     for k, step in enumerate(range(0, scene.n_steps + 1, scene.frame_stride)):
         frame = {name: column[k] for name, column in parts["frames"].items()}
         writer.add(step, {n: c.astype(np.float64) if c.dtype.kind == "f" else c for n, c in frame.items()})
     where = f"{facts['recorded']} on {facts['machine']} with {facts['version']}"
     warning = f"LIGGGHTS was not run here: recorded {where}; frames as {facts['frame_dtype']}"
+    warning += f", without {', '.join(facts['left_out'])}" if facts["left_out"] else ""
     timing = Timing(len(scene.state), scene.n_steps, stepping_s=facts["stepping_s"], cores=facts["ranks"])
     history, left_out = None, []
     if parts["history"]:
@@ -81,6 +99,42 @@ def recall(key: str, scene: Scene, directory: Path, folder: Path = FOLDER) -> Ru
     )  # fmt: skip
     run.save()
     return run
+
+
+def _path(key: str, folder: Path | None) -> Path:
+    return (folder or FOLDER) / f"{key}{SUFFIX}"
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, dict[str, np.ndarray]]]:
+    """(facts, columns by part)."""
+    parts: dict[str, dict[str, np.ndarray]] = {"trace": {}, "history": {}, "frames": {}}
+    with np.load(io.BytesIO(lzma.decompress(path.read_bytes())), allow_pickle=False) as data:
+        facts = json.loads(data["facts"].tobytes())
+        for name in data.files:
+            kind, _, column = name.removeprefix(PACKED).partition(".")
+            if column:
+                parts[kind][column] = _unpacked(data[name]) if name.startswith(PACKED) else data[name]
+    return facts, parts
+
+
+def _packed(values: np.ndarray) -> np.ndarray:
+    """float64 (t, ...) -> uint8 (8, t, ...), without loss: a smooth course in time becomes mostly zeros.
+
+    Second differences in time of the bit patterns as integers, modulo 2^64, and of these first all lowest
+    bytes, then all second ones, and so on. A column that is constant or linear in time takes no space.
+    """
+    bits = np.ascontiguousarray(values).view(np.int64)
+    for _ in range(2):
+        bits = np.diff(bits, axis=0, prepend=np.zeros_like(bits[:1]))
+    return np.moveaxis(np.ascontiguousarray(bits)[..., None].view(np.uint8), -1, 0)
+
+
+def _unpacked(planes: np.ndarray) -> np.ndarray:
+    """What `_packed` was given."""
+    bits = np.ascontiguousarray(np.moveaxis(planes, 0, -1)).view(np.int64)[..., 0]
+    for _ in range(2):
+        bits = np.cumsum(bits, axis=0, dtype=np.int64)
+    return np.ascontiguousarray(bits).view(np.float64)
 
 
 def processor() -> str:
