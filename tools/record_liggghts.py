@@ -23,9 +23,14 @@ from reference.liggghts import recorded
 from reference.liggghts.deck import render
 
 CODE = "liggghts"
-#: Cases of which nothing is kept, and why. Nor is anything kept of variants that say `use_recorded: False`
-#: since they are about times or about what a program does at its limits, and of altered decks.
-NOT_KEPT = {"liggghts_findings": "it is about the program that is here"}
+#: Cases of which nothing is kept, and why. Nor is anything kept of variants with options: these are about times
+#: or altered decks.
+NOT_KEPT = {
+    "liggghts_findings": "it is about the program that is here",
+    "extremes": "it is about what the program that is here does at its limits",
+    "stable_step": "it is about steps at which a run may end in an error",
+    "endurance": "its traces take 25 MB",
+}
 #: No check reads it.
 LEFT_OUT = ("trace.torque",)
 

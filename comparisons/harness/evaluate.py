@@ -52,6 +52,10 @@ class Runs(dict[Key, Run]):
             raise Unmeasured(f"{code} cannot be given {variant}: {self.unstated[key]}")
         raise KeyError(key)
 
+    def get(self, key: Key, default: Any = None) -> Any:
+        """The run, or `default` if there never was to be one; one that failed or is missing raises."""
+        return self[key] if key in self or key in self.failed or key in self.absent else default
+
     def _whole(self) -> None:
         for key in (*self.failed, *self.absent):
             self.__missing__(key)

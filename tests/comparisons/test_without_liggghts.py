@@ -13,6 +13,8 @@ import pytest
 
 from comparisons import cli
 from comparisons.harness import discover, execute, results
+from comparisons.harness.case import Unmeasured
+from comparisons.harness.evaluate import Runs
 from reference.errors import CodeMissing
 from reference.liggghts.binary import VARIABLE
 from tests.comparisons import fake
@@ -71,6 +73,14 @@ def test_recorded_output_stands_in_for_the_binary(tmp_path, hidden):
     timed = next(a for c in comparison.cases for a in c.artefacts if a.title == "Error against stepping time")
     assert timed.status == "left_out"
     assert "recorded output of another machine says nothing of speed here" in timed.why
+
+
+def test_a_measure_that_looks_whether_there_is_a_run_is_left_out_too():
+    """Would detect: a count of runs that went wrong which finds none since none was made."""
+    runs = Runs({}, failed={}, absent={("v", "liggghts"): INSTALL}, unstated={})
+    with pytest.raises(Unmeasured, match="install it"):
+        runs.get(("v", "liggghts"))
+    assert runs.get(("w", "liggghts")) is None
 
 
 def test_every_deck_of_the_quick_tier_has_a_record():
