@@ -23,7 +23,7 @@ from reference.liggghts import recorded
 from reference.liggghts.deck import render
 
 CODE = "liggghts"
-#: Cases of which nothing is kept, and why. Nor is anything kept of variants with options: these are about times
+#: Cases of which nothing is kept, and why. Nor is anything of variants with options: these are about times
 #: or altered decks.
 NOT_KEPT = {
     "liggghts_findings": "it is about the program that is here",
