@@ -9,7 +9,7 @@ from comparisons.cases.dam_break import modulus
 from comparisons.harness.case import Results
 
 SHIFTS = {
-    "centre of mass z at rest [mm]": (1e6, 3.0),
+    "center of mass z at rest [mm]": (1e6, 3.0),
     "run-out in flow [mm]": (0.0, 0.0),
     "time to the far wall [ms]": (5e7, 40.0),
 }

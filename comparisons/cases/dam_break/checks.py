@@ -145,7 +145,7 @@ def at_rest() -> tuple[PerCode, ...]:
     """Damping and friction have brought the bed of every run to rest when the gate is removed."""
     return tuple(
         per_code(
-            "kinetic energy when the gate goes / fall of the flow",
+            "kinetic energy when the gate is removed / fall of the flow",
             lambda results, code: largest({label: dam.unrest(run) for label, run in results.of(code)}),
             tolerance=tolerance, against="rest", tiers=tiers, reason=reason,
             catches="contacts that add energy: damping of the wrong sign (it leaves 0.002 to 0.07), a spring"

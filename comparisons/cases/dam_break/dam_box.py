@@ -139,7 +139,7 @@ CASE = Case(
             catches="a pile of another shape",
         ),
         checks.early(
-            "centre of mass while the lattice falls and settles, largest distance in 0.07 s / diameter",
+            "center of mass while the lattice falls and settles, largest distance in 0.07 s / diameter",
             axes="xyz", reason="same law, same scheme, thousands of contacts, before rounding has grown",
             catches="a contact missed or counted twice across ranks, blocks or cells",
         ),

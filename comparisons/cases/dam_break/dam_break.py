@@ -65,7 +65,7 @@ BETWEEN: tuple[PerPair[Check], ...] = (
         50, "the 50 ms between the paper's simulation and its experiment", unit="ms",
     ),
     checks.early(
-        "centre of mass while the lattice falls and settles, largest distance in 0.07 s / diameter",
+        "center of mass while the lattice falls and settles, largest distance in 0.07 s / diameter",
         reason="a thousand contacts, but rounding has hardly grown: tenfold in 0.01 to 0.03 s",
         catches="a contact missed or counted twice, a spring lost at a rebuild, before chaos hides it",
     ),

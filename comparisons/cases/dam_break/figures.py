@@ -66,7 +66,8 @@ def flow(results: Results) -> plots.Figure:
     figure, (top, low) = plots.figure(2, 1, height=5.0, sharex=True)
     for code in results.codes():
         for label in results.labels(code, prefix="seed"):
-            table, look = results[label, code].history, plots.style(code, marker="", linewidth=1)
+            table, line = results[label, code].history, "-" if code == "gpudem" else "--"
+            look = plots.style(code, marker="", linestyle=line, linewidth=1)
             time = table["time"] - dam.opening(results[label, code])
             top.plot(time, 1e3 * (table["kinetic_energy"] + table["rotational_energy"]), **look)
             low.plot(time, 1e3 * table["front_x"], **look)

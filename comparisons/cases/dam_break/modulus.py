@@ -47,8 +47,8 @@ PLANS: dict[Tier, Plan] = {
 TIERS: tuple[Tier, ...] = tuple(PLANS)
 #: What is compared, a reading from each part of the flow; more would only cost power.
 METRICS = (
-    "height at 0 mm [mm]", "height at 400 mm [mm]", "run-out in flow [mm]", "centre of mass x at rest [mm]",
-    "centre of mass z at rest [mm]", "time to the far wall [ms]",
+    "height at 0 mm [mm]", "height at 400 mm [mm]", "run-out in flow [mm]", "center of mass x at rest [mm]",
+    "center of mass z at rest [mm]", "time to the far wall [ms]",
 )  # fmt: skip
 #: Parts of the flow and their metrics: a reduced modulus changes one before the other.
 PARTS = {
@@ -216,7 +216,7 @@ CHECKS = (
     ),
     *(
         early(
-            "dam break at the hardest modulus: centre of mass, largest distance in 45 ms / diameter",
+            "dam break at the hardest modulus: center of mass, largest distance in 45 ms / diameter",
             prefix=f"dam_{plan.hardest:.3g}_", until=EARLY, tiers=(tier,),
             reason="same law, same scheme: rounding, before it has grown",
             catches="an overlap that loses digits where it is a millionth of the radius",

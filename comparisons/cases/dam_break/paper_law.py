@@ -163,13 +163,13 @@ CASE = Case(
             catches="`no_history` that stores something, `history` that loses it",
         ),
         per_code(
-            "height of the centre of mass at the end, without memory / with memory", sinking, lo=0.5,
+            "height of the center of mass at the end, without memory / with memory", sinking, lo=0.5,
             tolerance=0.95, against="the law with memory", mark="R", tiers=LONG,
             reason="a heap that creeps is lower",
             catches="`no_history` that stores something, `history` that loses it",
         ),
         checks.early(
-            "heaps: centre of mass in the first 0.07 s, largest distance between the codes / diameter",
+            "heaps: center of mass in the first 0.07 s, largest distance between the codes / diameter",
             prefix="heap_", tiers=LONG, reason="rounding, before chaos",
             catches="`no_history` of another form in a bulk of contacts",
         ),

@@ -192,9 +192,9 @@ def measures(results: Results, label: str, code: str) -> dict[str, float]:
         centers = [pile.centre_of_mass(frame["position"], frame["radius"]) for frame in (flow, rest)]
         return {f"height at {1e3 * x:.0f} mm [mm]": 1e3 * h for x, h in zip(READ_AT, read, strict=True)} | {
             "run-out in flow [mm]": 1e3 * pile.run_out(flow["position"], flow["radius"], _period(run))[0],
-            "centre of mass x in flow [mm]": 1e3 * centers[0][0],
-            "centre of mass x at rest [mm]": 1e3 * centers[1][0],
-            "centre of mass z at rest [mm]": 1e3 * centers[1][2],
+            "center of mass x in flow [mm]": 1e3 * centers[0][0],
+            "center of mass x at rest [mm]": 1e3 * centers[1][0],
+            "center of mass z at rest [mm]": 1e3 * centers[1][2],
             "time to the far wall [ms]": 1e3 * arrival(run),
             "largest kinetic energy [mJ]": 1e3 * float(
                 np.max(table["kinetic_energy"] + table["rotational_energy"])

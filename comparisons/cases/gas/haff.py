@@ -173,7 +173,7 @@ CASE = Case(
             catches="collisions lost by one code after the first milliseconds",
         ),
         Check(
-            name="velocity of the centre of mass, change / rms velocity",
+            name="velocity of the center of mass, change / rms velocity",
             measure=momentum, tolerance=1e-12, unit="1", against="conservation", mark="A",
             reason="equal and opposite forces, up to rounding of their sum",
             catches="a contact across a periodic side that acts on one sphere only",
