@@ -1,6 +1,4 @@
-"""Scenes that go on for long or reach far: a bed at rest, a column of 1000 balls, a gas of millions of
-collisions.
-"""
+"""Long or large scenes: a bed at rest, a column of 1000 balls, a gas of millions of collisions."""
 
 from __future__ import annotations
 
@@ -11,7 +9,7 @@ import numpy as np
 
 from comparisons.cases.gas import scenes as gases
 from comparisons.harness.case import Tier
-from comparisons.oracles import gas
+from comparisons.oracles import closed_forms, gas
 from comparisons.oracles.bodies import bodies
 from comparisons.oracles.chain import Chain
 from gpudem.output.run import Run
@@ -24,7 +22,7 @@ STIFF = SOFT.model_copy(update={"young": 5e8})
 
 @dataclasses.dataclass(frozen=True)
 class Size:
-    """How long a tier goes on."""
+    """Length of a tier."""
 
     bed: float
     """Time of the beds [s]."""
@@ -43,8 +41,6 @@ SIZES: dict[Tier, Size] = {
 BALLS, SIDE, BED_STEP = 200, 0.03, 2.5e-5
 #: Rows of a bed's history and trace.
 ROWS, PLACES = 300, 20
-#: Friction of the two beds.
-BEDS = {"smooth": 0.0, "rough": 0.3}
 
 
 def bed(friction: float, duration: float) -> Scene:
@@ -57,12 +53,8 @@ def bed(friction: float, duration: float) -> Scene:
             source="lattice", material="ball", count=BALLS, radius=RADIUS, lo=(0, 0, 0),
             hi=(SIDE, SIDE, 0.5), seed=1,
         ),
-        walls=[
-            Box(
-                kind="box", name="box", material="ball", sides=("xlo", "xhi", "ylo", "yhi", "zlo"),
-                lo=(0, 0, 0), hi=(SIDE, SIDE, 0.5),
-            )
-        ],
+        walls=[Box(kind="box", name="box", material="ball", sides=("xlo", "xhi", "ylo", "yhi", "zlo"),
+                   lo=(0, 0, 0), hi=(SIDE, SIDE, 0.5))],
         gravity=(0, 0, -GRAVITY),
         domain=Domain(lo=(-RADIUS, -RADIUS, -RADIUS), hi=(SIDE + RADIUS, SIDE + RADIUS, 0.5)),
         time=Time(step=BED_STEP, duration=duration),
@@ -82,13 +74,13 @@ def kinetic(run: Run) -> tuple[np.ndarray, np.ndarray]:
 
 
 def fall(run: Run) -> float:
-    """How far the bed's centre sank / diameter, by its potential energy."""
+    """Distance by which the center of the bed sank / diameter, by its potential energy."""
     potential = run.history["potential_energy"].to_numpy()
     return float(potential[0] - potential[-1]) / SCALE
 
 
 def creep(run: Run) -> float:
-    """Largest way of any ball over the last half of the run / its radius."""
+    """Largest displacement of a ball over the last half of the run / its radius."""
     x = run.trace["position"]
     half = x[len(x) // 2 :]
     return float(np.linalg.norm(half - half[-1], axis=2).max() / RADIUS)
@@ -96,7 +88,7 @@ def creep(run: Run) -> float:
 
 # -- a tall column -------------------------------------------------------------------------------------------
 
-#: The step is 7 % of the Rayleigh time; a wave runs down the column and back half way.
+#: The step is 7 % of the Rayleigh time; a wave travels down the column and half way back.
 COLUMN_STEP, COLUMN_TIME, PUSH = 2e-6, 8e-5, 1e-3
 
 
@@ -126,26 +118,19 @@ def _columns(position, velocity, duration: float) -> Scene:
 def chain_of(scene: Scene, count: int | None = None) -> Chain:
     """The closed form of a column."""
     n = len(scene.state) // 2 if count is None else count
-    floor = bodies(scene, 0, "floor")
-    pair = dataclasses.replace(
-        floor, mass=(floor.mass[0],) * 2, radius=(floor.radius[0],) * 2
-    )  # the floor is of the balls' material
+    floor = bodies(scene, 0, "floor")  # of the balls' material
+    pair = dataclasses.replace(floor, mass=(floor.mass[0],) * 2, radius=(floor.radius[0],) * 2)
     return Chain(n, floor, pair, GRAVITY)
 
 
 def column_errors(run: Run) -> tuple[float, float]:
-    """(Largest way in the column at rest, error of the wave's in the other) / largest of the wave, at the
-    end.
-    """
+    """(Largest displacement in the column at rest, error in the other) / largest of the wave, at the end."""
     chain, n = chain_of(run.scene), len(run.scene.state) // 2
     start = run.scene.state
     want = chain.motion(start.velocity[n:, 2], run.scene.n_steps * run.scene.time.step)[0]
     way, scale = run.trace["position"][-1] - start.position, float(np.abs(want).max())
     return float(np.abs(way[:n]).max() / scale), float(np.abs(way[n:, 2] - want).max() / scale)
 
-
-#: Constant of Hertz' contact time.
-HERTZ_TIME = 2.868266
 
 # -- a gas ---------------------------------------------------------------------------------------------------
 
@@ -156,22 +141,26 @@ CONTACT, MORE = 8e-5, 1.25
 STIFFNESS = gases.stiffness(CONTACT)
 
 
+def _gas_box(name: str, count: int, share: float, young: float, contact: Contact, **more) -> Scene:
+    """An elastic gas without friction."""
+    ball = Material(young=young, poisson=gases.POISSON, density=gases.DENSITY)
+    pairs = [Pair(materials=("ball", "ball"))]
+    return gases.gas_box(
+        name, count, share, 1, materials={"ball": ball}, pairs=pairs, contact=contact, **more
+    )
+
+
 def gas_of(collisions: float) -> Scene:
-    """A frictionless elastic gas with linear springs, as long as so many collisions take by Enskog's rate."""
+    """A gas with linear springs, as long as so many collisions take by Enskog's rate."""
     density = 6 * SHARE / (math.pi * (2 * gases.RADIUS) ** 3)
     rate = gas.collision_rate(2 * gases.RADIUS, density, 1.0, gas.contact_value(SHARE))
     step = CONTACT / STEPS
     rows = max(1, round(MORE * 2 * collisions / (COUNT * rate) / step / GAS_ROWS))
-    return gases.gas_box(
-        "gas", COUNT, SHARE, 1,
-        materials={"ball": Material(
-            young=gases.spring_young(CONTACT, 1.0), poisson=gases.POISSON, density=gases.DENSITY
-        )},
-        pairs=[Pair(materials=("ball", "ball"))],
-        contact=Contact(normal="hooke", characteristic_velocity=1.0, tangential="off"),
-        time=Time(step=step, duration=rows * GAS_ROWS * step),
+    return _gas_box(
+        "gas", COUNT, SHARE, gases.spring_young(CONTACT, 1.0),
+        Contact(normal="hooke", characteristic_velocity=1.0, tangential="off"),
+        time=Time(step=step, duration=rows * GAS_ROWS * step), allow=("time_step",),
         output=Output(trace_every=rows * step, history_every=rows * step),
-        allow=("time_step",),
     )  # fmt: skip
 
 
@@ -182,20 +171,16 @@ SHORT, FINE, FINE_STEPS = 5e-6, 200, 100_000
 def fine_gas() -> Scene:
     """125 elastic Hertz spheres for FINE_STEPS steps, some 350 collisions."""
     reach, speed = gases.RADIUS / 2, 2.0
-    star = math.sqrt((HERTZ_TIME / SHORT) ** 5 * (gases.MASS / 2) ** 2 / (reach * speed))
+    star = math.sqrt((closed_forms.HERTZ_TIME / SHORT) ** 5 * (gases.MASS / 2) ** 2 / (reach * speed))
     step = SHORT / FINE
-    return gases.gas_box(
-        "fine_gas", 125, 0.2, 1,
-        materials={"ball": Material(
-            young=2 * (1 - gases.POISSON**2) * star, poisson=gases.POISSON, density=gases.DENSITY
-        )},
-        pairs=[Pair(materials=("ball", "ball"))], contact=Contact(tangential="off"),
+    return _gas_box(
+        "fine_gas", 125, 0.2, 2 * (1 - gases.POISSON**2) * star, Contact(tangential="off"),
         time=Time(step=step, duration=FINE_STEPS * step), output=Output(history_every=100 * step),
     )  # fmt: skip
 
 
 def fine_energy(run: Run) -> np.ndarray:
-    """Kinetic energy / that at the start - 1, at the rows at which nobody touches: there it is all energy."""
+    """Kinetic energy / that at the start - 1, at the rows without contacts, where it is the whole energy."""
     energy = run.history["kinetic_energy"].to_numpy()
     apart = run.history["contacts"].to_numpy() == 0
     return energy[apart] / energy[0] - 1
