@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from comparisons.harness import codes
-from comparisons.metrics.trace import observed_order
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -192,86 +191,6 @@ def legend(axes: Axes, *, points: Sequence[str] = (), lines: Sequence[str] = (),
         axes.legend(handles.values(), handles.keys(), **options)
 
 
-def overlay(
-    axes: Axes, x: Any, series: Mapping[str, Any], *, marks: int = 25, xlabel: str = "", ylabel: str = ""
-) -> None:
-    """Curves of several codes over one another: {"gpudem": y, "liggghts": (x, y), "oracle": y, ...}.
-
-    A series of its own grid comes as (x, y). Codes drawn by marks get at most `marks` of them, evenly spread.
-    """
-    for who, values in series.items():
-        xs, ys = values if isinstance(values, tuple) else (x, values)
-        look = style(who)
-        if "marker" in look and len(xs) > marks:
-            look["markevery"] = max(1, len(xs) // marks)
-        axes.plot(xs, ys, **look)
-    axes.set(xlabel=xlabel, ylabel=ylabel)
-    legend(axes)
-
-
-def overlay_difference(
-    x: Any,
-    series: Mapping[str, Any],
-    differences: Mapping[str, Any],
-    *,
-    xlabel: str,
-    ylabel: str,
-    difference_label: str = "|difference|",
-    tolerance: float | None = None,
-    floor: float = 1e-18,
-) -> Figure:
-    """Codes overlaid, and below them |difference| on a log axis with the tolerance as a dashed line.
-
-    `differences`: {"LIGGGHTS - gpudem": d, ...} on the grid x or as (x, d). Exact zeros are drawn at `floor`.
-    """
-    fig, (top, low) = figure(2, 1, height=4.4, sharex=True, height_ratios=(1.5, 1))
-    overlay(top, x, series, ylabel=ylabel)
-    for k, (label, values) in enumerate(differences.items()):
-        color = _code_color(label) or SERIES[(2, 3, 4, 5)[k % 4]]
-        xs, ds = values if isinstance(values, tuple) else (x, values)
-        low.semilogy(xs, np.maximum(np.abs(ds), floor), linewidth=1.1, color=color, label=label)
-    if tolerance is not None:
-        low.axhline(tolerance, **TOLERANCE, label="tolerance")
-    low.set(xlabel=xlabel, ylabel=difference_label)
-    legend(low, loc="best", ncols=2)
-    return fig
-
-
-def _code_color(label: str) -> str | None:
-    """The colour of the code that a label starts with."""
-    return next((color(who) for who in codes.CODES if label.startswith((who, name(who)))), None)
-
-
-def convergence(
-    series: Mapping[str, tuple[Any, Any]],
-    *,
-    xlabel: str = "time step [s]",
-    ylabel: str,
-    order: float | None = None,
-) -> Figure:
-    """Error against step for each code, the observed order in the legend; beside it a slope."""
-    fig, axes = figure()
-    for who, (steps, errors) in series.items():
-        steps, errors = np.asarray(steps, float), np.asarray(errors, float)
-        look = style(who, marker="o" if who != "gpudem" else "s", markersize=4.5)
-        look["linestyle"] = "-" if who == "gpudem" else ":"
-        look["label"] += f", order {observed_order(steps, errors):.2f}"
-        axes.loglog(steps, errors, **look)
-    if order is not None:
-        steps, errors = (np.asarray(v, float) for v in next(iter(series.values())))
-        ends = np.array([steps.min(), steps.max()])
-        axes.loglog(
-            ends,
-            errors.max() * 0.4 * (ends / ends[1]) ** order,
-            color=SOFT,
-            linewidth=0.8,
-            label=f"order {order:g}",
-        )
-    axes.set(xlabel=xlabel, ylabel=ylabel)
-    legend(axes)
-    return fig
-
-
 def work_precision(
     series: Mapping[str, tuple[Any, Any]], *, ylabel: str, xlabel: str = "stepping time [s]"
 ) -> Figure:
@@ -312,8 +231,3 @@ def points(axes: Axes, x: Any, y: Any, who: str, *, error: Any = None, **changes
         axes.plot(x, y, **look)
     else:
         axes.errorbar(x, y, yerr=error, elinewidth=0.9, capsize=2, **look)
-
-
-def sweep(labels: Sequence[Any]) -> dict[Any, str]:
-    """A colour for each value of a sweep."""
-    return {label: SERIES[k % len(SERIES)] for k, label in enumerate(labels)}

@@ -128,22 +128,20 @@ def case(name: str = "throw", tolerance: float = 1e-6, order: int = 10) -> Case:
         times = results["dt_1e-05", "gpudem"].trace["time"]
         heights = {c: results["dt_1e-05", c].trace["position"][:, 0, 2] for c in results.codes()}
         oracle = exact(scene(), times)[:, 0, 2]
-        differences = {f"{plots.name(c)} - exact": h - oracle for c, h in heights.items()}
-        return plots.overlay_difference(
-            times,
-            heights | {"oracle": oracle},
-            differences,
-            xlabel="time [s]",
-            ylabel="height [m]",
-            tolerance=tolerance,
+        figure, top, low = plots.curves_and_differences(
+            {"height": times}, {"height": (heights, oracle)}, reference="exact"
         )
+        top.set_ylabel("height [m]")
+        low.set_xlabel("time [s]")
+        return figure
 
     def converge(results):
-        return plots.convergence(
-            {c: (list(labels.values()), errors(results, c)) for c in results.codes()},
-            ylabel="largest error [m]",
-            order=1,
-        )
+        figure, axes = plots.figure()
+        for c in results.codes():
+            axes.loglog(list(labels.values()), errors(results, c), **plots.style(c, marker="o"))
+        axes.set(xlabel="time step [s]", ylabel="largest error [m]")
+        plots.legend(axes)
+        return figure
 
     def work(results):
         seconds = {c: [results[label, c].timing.stepping_s for label in labels] for c in results.codes()}

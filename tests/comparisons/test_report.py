@@ -140,9 +140,10 @@ def test_figures_are_images_with_their_text():
 
     def made():
         fig, axes = plots.figure()
-        plots.overlay(
-            axes, np.arange(5), {"gpudem": np.arange(5), "liggghts": np.arange(5)}, xlabel="time [s]"
-        )
+        for code in ("gpudem", "liggghts"):
+            axes.plot(np.arange(5), **plots.style(code))
+        axes.set_xlabel("time [s]")
+        plots.legend(axes)
         return svg.of(fig)
 
     one = made()
