@@ -93,7 +93,7 @@ def _first_touch(
     x, v = start["position"], start["velocity"]
     if isinstance(other, str):
         plane = next(p for p in scene.planes if p.name == other)
-        normal = np.array(plane.normal)
+        normal = np.array(plane.normal) / np.linalg.norm(plane.normal)
         approach = -float(v[0] @ normal)
         gap = float((x[0] - np.array(plane.point)) @ normal) - reach
         if approach <= 0 or gap < 0:

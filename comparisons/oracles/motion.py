@@ -56,7 +56,10 @@ def motion(
         since = max(pieces[row][-1][0] for row in both)
         now = [found.at(row, np.array([since])) for row in both]
         solved = impact(scene, i, other, start={c: np.concatenate([of[c] for of in now]) for c in COLUMNS})
-        end = min(since + solved.end, _removed(scene, other))
+        removed = _removed(scene, other)
+        if since + solved.touch >= removed:
+            raise ValueError(f"{other} is removed before particle {i + 1} touches it")
+        end = min(since + solved.end, removed)
         found.impacts.append((since, solved))
         for k, row in enumerate(both):
             pieces[row].append((since + solved.touch, _part(solved, since, k)))

@@ -48,7 +48,11 @@ class _Plane:
     """One plane and its springs."""
 
     def __init__(self, of: Sequence[Bodies], normal: Sequence[float], point: Sequence[float]):
-        self.bodies, self.normal, self.point = list(of), np.array(normal), np.array(point)
+        self.bodies, self.normal, self.point = (
+            list(of),
+            np.array(normal) / np.linalg.norm(normal),
+            np.array(point),
+        )
 
         def column(name: str) -> np.ndarray:
             return np.array([[getattr(body, name)] for body in of])

@@ -331,7 +331,7 @@ class Plane(Wall):
         """The normal with length one; components of it that are rounding (`NORMAL_ROUNDING`) are zero."""
         length = math.sqrt(math.fsum(c * c for c in self.normal))
         if all(c == 0 or abs(c) > NORMAL_ROUNDING * length for c in self.normal):
-            x, y, z = (c / length for c in self.normal)
+            x, y, z = (c / length for c in self.normal)  # mutate: unit_normal
             return x, y, z
         clean = [c if abs(c) > NORMAL_ROUNDING * length else 0.0 for c in self.normal]
         length = math.sqrt(math.fsum(c * c for c in clean))
@@ -393,7 +393,7 @@ class Box(Model):
     def elements(self, lo: Vector, hi: Vector) -> list[Wall]:
         """One plane for each side, named `<box>_<side>`."""
         corners, planes = {"lo": self.lo or lo, "hi": self.hi or hi}, []
-        for side in self.sides:
+        for side in self.sides:  # mutate: sides_of_box
             axis, sign = "xyz".index(side[0]), 1.0 if side.endswith("lo") else -1.0
             planes.append(
                 Plane(

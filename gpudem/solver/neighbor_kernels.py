@@ -335,7 +335,7 @@ def span_search(spec: Spec) -> Any:
             if first >= block:
                 first = wp.max(first, i + 1)  # mutate: span_within_block
         for j in range(first, end_j):
-            d = nearest(x - get(particles.x_at_rebuild, j), params.size)
+            d = nearest(x - get(particles.x_at_rebuild, j), params.size)  # mutate: image_in_list
             rsq = wp.dot(d, d)
             touch = reach
             if wp.static(spec.polydisperse):
@@ -581,7 +581,7 @@ def fill_kernel(spec: Spec) -> Any:
                         rise[m] = particles.rise[k]  # mutate: rise_at_rebuild
         else:
             other = -other - 1
-            k, sign = find_pair(particles, o, order[other])
+            k, sign = find_pair(particles, o, order[other])  # mutate: partner_at_rebuild
         if wp.static(spec.contact_history):
             neighbor[m] = other
             if k >= 0 and get_int(particles.neighbor, k) < 0:

@@ -326,7 +326,7 @@ def step_kernel(spec: Spec) -> Any:
             if wp.static(spec.long_range):
                 reach += params.range
             if not (rsq < reach * reach):
-                part(particles, k, entry, j)
+                part(particles, k, entry, j)  # mutate: forget_partner
                 if wp.static(spec.path):  # may overlap half a step before or after
                     reach += wide(0.5) * params.skin  # mutate: path_reach
                     if rsq < reach * reach and not (mode & SETUP):
@@ -371,7 +371,7 @@ def step_kernel(spec: Spec) -> Any:
                     gap = fast_gap(params, walls, particles, k, wall, gap, normal, radius, v, dt)
                 wall_pair = laws.wall_pairs[wall * params.materials + material]  # mutate: wall_coefficients
                 if not (gap <= radius + params.range):
-                    part(particles, k, entry, other)
+                    part(particles, k, entry, other)  # mutate: forget_wall
                     if wp.static(spec.path):
                         if not (mode & SETUP):
                             c = wall_contact(gap, normal, radius, mass, w)
@@ -384,7 +384,7 @@ def step_kernel(spec: Spec) -> Any:
                     c, v - v_wall, v_next - v_wall, w, w_next, wide3(), wide3(), real(0.0), wall_pair,
                     spring_of(particles, k, entry), rolling_of(particles, k, entry), dt, params.dt,
                 )  # fmt: skip
-                force += f
+                force += f  # mutate: sum_over_walls
                 torque -= c.lever * n_cross_ft + rolling  # mutate: wall_torque
                 # mutate: wall_contact_count
                 contacts += 2  # a contact with a particle is counted from both sides

@@ -9,11 +9,18 @@ from collections.abc import Callable
 
 import pytest
 
+from comparisons.cases.encounters import (
+    meet_again,
+    moving_pairs,
+    several_walls,
+    tilted_plane,
+    two_materials,
+)
 from comparisons.cases.rolling import slide_to_roll
 from comparisons.cases.single_contact import head_on, oblique, wall_restitution
-from comparisons.harness.case import Case, Results
+from comparisons.harness.case import Case, Measured, Results
 from gpudem import driver
-from gpudem.scene import Scene
+from gpudem.scene import Plane, Scene
 
 pytestmark = pytest.mark.cases
 
@@ -45,6 +52,40 @@ def with_contact(**changes: bool) -> Callable[[Scene], Scene]:
     return lambda scene: scene.replace(contact=changes)
 
 
+def mean_friction(scene: Scene) -> Scene:
+    """The friction of every pair is the mean over the pairs: a mixing rule in place of a table."""
+    mean = sum(pair.friction for pair in scene.pairs) / len(scene.pairs)
+    return scene.replace(pairs=[p.model_copy(update={"friction": mean}) for p in scene.pairs])
+
+
+def one_poisson_ratio(scene: Scene) -> Scene:
+    """The Poisson ratio of the first material for all; E is changed with it, so that E* stays as it is."""
+    first = next(iter(scene.materials.values())).poisson
+    changed = {
+        name: m.model_copy(update={"poisson": first, "young": m.young * (1 - first**2) / (1 - m.poisson**2)})
+        for name, m in scene.materials.items()
+    }
+    return scene.replace(materials=changed)
+
+
+def late_gate(scene: Scene) -> Scene:
+    """Gates are removed three steps later."""
+    walls = [
+        w.model_copy(update={"removed_at": w.removed_at + 3 * scene.time.step})
+        if isinstance(w, Plane) and w.removed_at
+        else w
+        for w in scene.walls
+    ]
+    return scene.replace(walls=walls)
+
+
+def closed(scene: Scene) -> Scene:
+    """Boxes have all sides."""
+    sides = ("xlo", "xhi", "ylo", "yhi", "zlo", "zhi")
+    walls = [w.model_copy(update={"sides": sides}) if w.kind == "box" else w for w in scene.walls]
+    return scene.replace(walls=walls)
+
+
 def failures(case: Case, change: Callable[[Scene], Scene]) -> list[str]:
     """Names of the checks against closed forms and the ODE that a changed gpudem fails."""
     runs = {}
@@ -55,7 +96,7 @@ def failures(case: Case, change: Callable[[Scene], Scene]) -> list[str]:
     for check in case.checks_of("quick", ("gpudem",)):
         if check.needs == ("gpudem",):
             found = check.measure(results)
-            value = found if isinstance(found, float) else found.value
+            value = found.value if isinstance(found, Measured) else found
             if not (value <= check.tolerance and (check.lo is None or value >= check.lo)):
                 failed.append(check.name)
     return failed
@@ -72,17 +113,34 @@ def failures(case: Case, change: Callable[[Scene], Scene]) -> list[str]:
         (oblique.CASE, with_pairs(friction=0.99), "gross sliding"),
         (oblique.CASE, with_contact(tangential_damping=False), "default, damped"),
         (slide_to_roll.CASE, with_pairs(friction=0.99), "slip time"),
+        (two_materials.CASE, mean_friction, "damped"),
+        (two_materials.CASE, one_poisson_ratio, "elastic"),
+        (several_walls.CASE, late_gate, "force on the ball where the gate was"),
+        (several_walls.CASE, closed, "passing ball"),
     ],
-    ids=["modulus", "density", "restitution", "limit", "no limit", "friction", "dashpot", "floor friction"],
-)
-def test_one_per_cent_wrong_is_seen(case: Case, change: Callable[[Scene], Scene], expected: str):
+    ids=[
+        "modulus", "density", "restitution", "limit", "no limit", "friction", "dashpot", "floor friction",
+        "mixing rule of friction", "one Poisson ratio", "late gate", "closed box",
+    ],
+)  # fmt: skip
+def test_a_small_mistake_is_seen(case: Case, change: Callable[[Scene], Scene], expected: str):
     failed = failures(case, change)
     assert any(expected in name for name in failed), failed
 
 
 @pytest.mark.parametrize(
     "case",
-    [head_on.CASE, wall_restitution.CASE, oblique.CASE, slide_to_roll.CASE],
+    [
+        head_on.CASE,
+        wall_restitution.CASE,
+        oblique.CASE,
+        slide_to_roll.CASE,
+        tilted_plane.CASE,
+        meet_again.CASE,
+        several_walls.CASE,
+        moving_pairs.CASE,
+        two_materials.CASE,
+    ],
     ids=lambda case: case.name,
 )
 def test_the_right_law_passes(case: Case):

@@ -163,10 +163,10 @@ def against_ode(
 
 def happens(
     name: str, least: float, unit: str, count: Callable[[Run], Mapping[str, float]], labels: Sequence[str],
-    catches: str, most: float = 1e3,
+    catches: str,
 ) -> PerCode:  # fmt: skip
-    """Per code: the smallest of some numbers of the runs is at least so much, so that the scene shows what it
-    is made for.
+    """Per code: how much the smallest of some numbers of the runs falls below what it must be at least, so
+    that the scene shows what it is made for.
     """
 
     def measure(results: Results, code: str) -> Measured:
@@ -175,9 +175,12 @@ def happens(
             if label in results.labels(code):
                 found |= {f"{label}, {what}": value for what, value in count(results[label, code]).items()}
         where = min(found, key=lambda what: found[what])
-        return Measured(found[where], note=f"smallest of {len(found)}: {where}")
+        return Measured(
+            max(least - found[where], 0.0), found[where], least, note=f"smallest of {len(found)}: {where}"
+        )
 
     return build.per_code(
-        name, measure, lo=least, tolerance=most, unit=unit, against="what the scene is made for", mark="A",
-        reason="otherwise the other checks of this scene show less than they say", catches=catches,
+        f"{name}: below {least:g}", measure, tolerance=0.0, unit=unit, against="what the scene is made for",
+        reason="an exact statement; otherwise the other checks of this scene show less than they say",
+        catches=catches,
     )  # fmt: skip

@@ -22,9 +22,7 @@ def _partner(other: int | str) -> str:
     return other if isinstance(other, str) else f"ball {other + 1}"
 
 
-def through(
-    label: str, encounters: Sequence[Encounter], title: str, caption: str = "", exactly: bool = True
-) -> Figure:
+def through(label: str, encounters: Sequence[Encounter], title: str, exactly: bool = True) -> Figure:
     """Overlaps, speed and spin in time: one column for each encounter, every code, and the exact motion."""
 
     def draw(results: Results) -> MatplotlibFigure:
@@ -59,9 +57,8 @@ def through(
 
     return Figure(
         title,
-        caption
-        or "Overlaps of all contacts of the first ball and its partner, then speed and spin of that ball; the"
-        " codes over one another, and the exact motion.",
+        "Overlaps of all contacts of the first ball and its partner, then speed and spin of that ball; the"
+        f" codes over one another{', and the exact motion' if exactly else ''}.",
         draw,
     )
 

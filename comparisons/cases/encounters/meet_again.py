@@ -41,7 +41,7 @@ CASE = Case(
     checks=(
         happens(
             "contacts of the same two, smallest number", 2, "contacts", contacts, tuple(ALL),
-            "a scene in which the two do not meet again", most=2,
+            "a scene in which the two do not meet again",
         ),
         *step_by_step(ALL, CATCHES),
         *against_ode(ALL, CATCHES),
