@@ -89,6 +89,14 @@ def is_smooth(results: Results, scene: Scene, encounter: Encounter) -> bool:
     return all(part.bodies.restitution == 1 and part.contact.phases[0].mode == "slip" for part in parts)
 
 
+def of_code(results: Results, code: str, labels: Sequence[str]) -> list[str]:
+    """Those of the variants that a code ran. Raises what `results` raises, with the reason, if none."""
+    ran = [label for label in labels if label in results.labels(code)]
+    if not ran:
+        results[labels[0], code]
+    return ran
+
+
 # -- checks --------------------------------------------------------------------------------------------------
 
 
@@ -137,11 +145,10 @@ def against_ode(
 
     def error(results: Results, code: str, wanted: bool) -> Measured:
         found = {}
-        for label, encounters in of.items():
-            if label in results.labels(code):
-                run = results[label, code]
-                chosen = [e for e in encounters if is_smooth(results, run.scene, e) == wanted]
-                found |= {f"{label}, {e.what}": errors(results, run, e) for e in chosen}
+        for label in of_code(results, code, list(of)):
+            run = results[label, code]
+            chosen = [e for e in of[label] if is_smooth(results, run.scene, e) == wanted]
+            found |= {f"{label}, {e.what}": errors(results, run, e) for e in chosen}
         return largest(found)
 
     kinds = [
@@ -171,9 +178,8 @@ def happens(
 
     def measure(results: Results, code: str) -> Measured:
         found = {}
-        for label in labels:
-            if label in results.labels(code):
-                found |= {f"{label}, {what}": value for what, value in count(results[label, code]).items()}
+        for label in of_code(results, code, labels):
+            found |= {f"{label}, {what}": value for what, value in count(results[label, code]).items()}
         where = min(found, key=lambda what: found[what])
         return Measured(
             max(least - found[where], 0.0), found[where], least, note=f"smallest of {len(found)}: {where}"

@@ -178,15 +178,26 @@ def on_the_plane(name: str, rotation: np.ndarray, length: float) -> Scene:
 
 # -- the same two meet twice ---------------------------------------------------------------------------------
 
-AGAIN = (Throw("elastic", 1.0, 0.4), Throw("e = 0.9", 0.9, 0.5, (0.2, 0.0)), Throw("e = 0.9, fast", 0.9, 1.1))
+#: With restitution below 1 and back spin, an impact ends in stick and leaves the spring stretched against the
+#: slip of the next one.
+ON_A_WALL = (
+    Throw("elastic", 1.0, 0.3, speed=0.6),
+    Throw("e = 0.7, back spin", 0.7, 0.6, (-0.8, 0.0)),
+    Throw("e = 0.8, back spin", 0.8, 0.6, (-0.8, 0.0)),
+)
+OF_PAIRS = (
+    Throw("elastic", 1.0, 0.4, speed=0.8),
+    Throw("e = 0.7, back spin", 0.7, 0.3, (-1.0, -1.0)),
+    Throw("e = 0.7, some back spin", 0.7, 0.6, (-0.5, -0.5)),
+)
 #: Room for a ball beyond its diameter [m].
 PLAY = 1.2e-5
 WALL_TWICE = [
-    Encounter(throw.what, ((k, "floor"), (k, "ceiling"), (k, "floor"))) for k, throw in enumerate(AGAIN)
+    Encounter(throw.what, ((k, "floor"), (k, "ceiling"), (k, "floor"))) for k, throw in enumerate(ON_A_WALL)
 ]
 PAIR_TWICE = [
     Encounter(throw.what, ((2 * k, 2 * k + 1), (2 * k, "ceiling"), (2 * k + 1, "floor"), (2 * k, 2 * k + 1)))
-    for k, throw in enumerate(AGAIN)
+    for k, throw in enumerate(OF_PAIRS)
 ]
 
 
@@ -200,29 +211,29 @@ def _between(height: float) -> list[Plane]:
 def wall_twice() -> Scene:
     """Balls that bounce from a floor to a ceiling close above them and back to the floor."""
     rows = Rows()
-    for k, throw in enumerate(AGAIN):
+    for k, throw in enumerate(ON_A_WALL):
         place = np.array([SPACING * k, 0.0, RADIUS])
         rows.add_throw(throw, place, turned(0.7 * k, 0.0), materials=(material_of(throw.restitution),))
-    materials, pairs = by_restitution(AGAIN, "wall")
+    materials, pairs = by_restitution(ON_A_WALL, "wall")
     walls = _between(2 * RADIUS + PLAY)
-    return assemble("wall_twice", rows, pairs, materials=materials, walls=walls, steps=1100)
+    return assemble("wall_twice", rows, pairs, materials=materials, walls=walls, steps=1270)
 
 
 def pair_twice() -> Scene:
     """Two balls, one above the other, that a ceiling and a floor send back to one another."""
     rows = Rows()
-    for k, throw in enumerate(AGAIN):
+    for k, throw in enumerate(OF_PAIRS):
         place = np.array([SPACING * k, 0.0, 3 * RADIUS + 1.5 * PLAY])
         rows.add_throw(
             throw, place, turned(0.7 * k, 0.0), radii=(RADIUS,) * 2,
             materials=(material_of(throw.restitution),) * 2, share=0.5,
         )  # fmt: skip
-    materials, pairs = by_restitution(AGAIN, None)
+    materials, pairs = by_restitution(OF_PAIRS, None)
     names = list(materials)
     pairs += [Pair(materials=(name, "wall"), restitution=1.0, friction=FRICTION) for name in names]
     materials |= {"wall": WALL}
     walls = _between(4 * RADIUS + 3 * PLAY)
-    return assemble("pair_twice", rows, pairs, materials=materials, walls=walls, steps=1370)
+    return assemble("pair_twice", rows, pairs, materials=materials, walls=walls, steps=1530)
 
 
 # -- several walls -------------------------------------------------------------------------------------------
