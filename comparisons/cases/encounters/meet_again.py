@@ -29,13 +29,13 @@ CASE = Case(
     name="meet_again",
     title="The same two meet again",
     purpose=(
-        "A tangential spring begins at zero with each contact. A code that keeps it in the list of neighbors,"
-        " where the entry outlives the contact, starts the next one with the spring that the last one left."
-        " Balls bounce from a floor to a ceiling 12 um above them and back to the floor; two balls part, and"
-        " the walls send them back to one another, before any list is rebuilt. Impacts with restitution below"
-        " 1 and back spin end in stick and leave the spring stretched against the slip of the next one."
-        " (LIGGGHTS keeps the spring of two balls with its default contact_distance_factor; its decks here"
-        " set 1.01.)"
+        "A tangential spring begins at zero with each contact. A code that keeps it in the list of"
+        " neighbors, where the entry outlives the contact, starts the next one with the spring that the last"
+        " one left. Balls bounce from a floor to a ceiling 12 um above them and back to the floor; two balls"
+        " part, and the walls send them back to one another, before any list is rebuilt. Impacts with"
+        " restitution below 1 and back spin end in stick and leave the spring stretched against the slip of"
+        " the next one. (LIGGGHTS keeps the spring of two balls with its default contact_distance_factor;"
+        " its decks here set 1.01.)"
     ),
     source="The law of LIGGGHTS' manual (hertz, tangential history) by DOP853, impact after impact.",
     variants=variants,

@@ -60,11 +60,12 @@ CASE = Case(
     name="moving_pairs",
     title="In contact while the list is rebuilt, and across a periodic side",
     purpose=(
-        "A contact must not notice what the solver does around it. Pairs meet obliquely, with friction, as in"
-        " the case of oblique impacts, but fly at 50 m/s past one another and past balls at rest: during each"
-        " contact the list of neighbors has to be rebuilt several times, rows are sorted anew, partners"
-        " change their places and new ones come in between. And pairs meet across periodic sides, one ball on"
-        " each, and cross the side while they touch. The exact motion knows neither list nor sides."
+        "A contact force must not depend on what the solver does with its list. Pairs meet obliquely, with"
+        " friction, as in the case of oblique impacts, but fly at 50 m/s past one another and past balls at"
+        " rest: during each contact the list of neighbors has to be rebuilt several times, rows are sorted"
+        " anew, partners change their places and new ones come in between. And pairs meet across periodic"
+        " sides, one ball on each, and cross the side while they touch. The exact motion has neither list"
+        " nor sides."
     ),
     source="Galilean and translational invariance; the law of LIGGGHTS' manual by DOP853.",
     variants=variants,

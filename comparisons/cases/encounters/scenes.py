@@ -39,7 +39,7 @@ class Throw:
 
 @dataclasses.dataclass(frozen=True)
 class Encounter:
-    """Impacts, in order, of particles that meet nobody else; exact where the oracle can solve them."""
+    """Impacts, in order, of particles that touch nothing else."""
 
     what: str
     meetings: tuple[tuple[int, int | str], ...]

@@ -106,13 +106,12 @@ CASE = Case(
     name="several_walls",
     title="Two walls at once, a gate, a box with an open side",
     purpose=(
-        "What goes wrong with walls when there are more than one. Balls fly into the edge of two rough walls"
-        " and touch both at once: one slides in opposite directions on them; two are mirror images of one"
+        "Mistakes that need more than one wall to show. Balls fly into the edge of two rough walls and"
+        " touch both at once: one slides in opposite directions on them; two are mirror images of one"
         " another, as the walls are, and must stay so to rounding, which a spring that two walls share does"
-        " not allow. A gate is removed in the middle of five contacts: the"
-        " ball on the gate flies on at the speed that it has, while the springs of the ball on the floor and"
-        " of two balls stay as they are. A box has five sides; a ball leaves where the sixth would be, and"
-        " feels no force."
+        " not allow. A gate is removed in the middle of five contacts: the ball on the gate flies on at the"
+        " speed that it has, while the springs of the ball on the floor and of two balls stay as they are. A"
+        " box has five sides; a ball leaves where the sixth would be, and feels no force."
     ),
     source="Mirror symmetry; the law of LIGGGHTS' manual by DOP853, and in small steps.",
     variants=variants,
@@ -131,11 +130,11 @@ CASE = Case(
         build.per_code(
             "corner: a ball and its mirror image, largest difference of velocity and R x spin / (1 m/s)",
             mirrored, tolerance=1e-11, against="mirror symmetry",
-            reason="the walls are mirror images too; rounding alone tells x from z", catches=CATCHES,
+            reason="the walls are mirror images too; x and z differ by rounding only", catches=CATCHES,
         ),
         happens(
             "gate: overlap at its removal / largest until then, smallest of all contacts", 0.5, "1",
-            at_removal, ("gate",), "a gate that is removed when nothing leans on it",
+            at_removal, ("gate",), "a gate that is removed with no ball in contact",
         ),
         build.per_code(
             "gate: force on the ball where the gate was / (mass x 1 m/s / step)", after_the_gate,

@@ -61,11 +61,11 @@ CASE = Case(
     name="tilted_plane",
     title="Impacts on a tilted plane",
     purpose=(
-        "Nothing in a contact knows the axes of space. Six oblique impacts with friction on a plane across z,"
-        " whose normal is stated with length 2.5, and the same six turned in space, with a normal of length"
-        " 0.4 and three components. LIGGGHTS has planes across the axes only, so that it runs the first;"
-        " the tilted run is turned back and must agree with it to rounding, as it must with the run of the"
-        " same code that is not tilted, and both with the exact motion."
+        "A contact force does not depend on the direction of the axes. Six oblique impacts with friction on"
+        " a plane across z, whose normal is stated with length 2.5, and the same six turned in space, with a"
+        " normal of length 0.4 and three components. LIGGGHTS has planes across the axes only, so that it"
+        " runs the first; the tilted run is turned back and must agree with it to rounding, as it must with"
+        " the run of the same code that is not tilted, and both with the exact motion."
     ),
     source="Rotation of the frame; the law of LIGGGHTS' manual (hertz, tangential history) by DOP853.",
     variants=variants,

@@ -23,10 +23,9 @@ CASE = Case(
     name="two_materials",
     title="Oblique impacts of two materials",
     purpose=(
-        "What belongs to a pair and what to a ball. Six oblique impacts of balls of three materials, whose"
-        " Poisson ratios are 0.1, 0.34 and 0.49 and whose radii and densities differ; each pair of materials"
-        " has its own restitution and friction. The effective shear modulus enters friction only, so that a"
-        " wrong one is not seen without it."
+        "Six oblique impacts of balls of three materials, whose Poisson ratios are 0.1, 0.34 and 0.49 and"
+        " whose radii and densities differ; each pair of materials has its own restitution and friction. The"
+        " effective shear modulus enters friction only, so that a wrong one is not seen without it."
     ),
     source="The law of LIGGGHTS' manual (hertz, tangential history) by DOP853.",
     variants=variants,
