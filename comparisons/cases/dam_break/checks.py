@@ -138,7 +138,7 @@ def early(name: str, prefix: str = "", axes: str = "xz", until: float = dam.EARL
         note = f"at least {min(touched)} contacts at once"
         return largest(found, note) if min(touched) > 0 else Measured(float("nan"), note=note)
 
-    return per_pair(name, measure, tolerance=1e-10, **fields)
+    return per_pair(name, measure, tolerance=1e-10, half_step=True, **fields)
 
 
 def at_rest() -> tuple[PerCode, ...]:

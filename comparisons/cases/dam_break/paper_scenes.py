@@ -1,8 +1,8 @@
-"""The contact law of Park, Jun, Sohn and Lee (2014) as it stands in print, stated for both codes.
+"""The contact law of Park, Jun, Sohn and Lee (2014) as printed, in the terms of a scene.
 
 (6) F = 2/3 E~ sqrt(R_eff) h^1.5, E~ = E/(1 - nu^2): Hertz for two balls; kn = 4/3 E* of `hertz/stiffness`
 (7) damping gamma sqrt(R_eff h) v (viscoelastic: gamma_n = gamma/m*), or, the print allows it,
-    gamma sqrt(R_eff) h v, which neither code can state
+    gamma sqrt(R_eff) h v, which a scene cannot state
 (11, 12) gamma = sqrt(4 m' k/(1 + beta^2)), beta = pi/ln e, k = 2/3 E~ sqrt(R_eff): a linear spring's formula
 (8) friction min(k_s |dv_t| dt + v_s |v_t|, mu |F_n|): the displacement of one step. A viscous coefficient
     k_s dt + v_s, so `no_history` with gamma_t = (kt dt)/m* + gamma_n, where k_s = 8 G* sqrt(R* h)
@@ -18,7 +18,7 @@ from comparisons.oracles import normal_impact
 from comparisons.oracles.bodies import star
 from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Scene, Time
 
-#: What went into equation 11 for balls, and the speeds it is asked at [m/s].
+#: Restitution put into equation 11 for balls, and the speeds of the impacts [m/s].
 PUT_IN, SPEEDS = 0.9, (0.1, 1.0, 3.0)
 MASS_STAR, RADIUS_STAR = dam.MASS / 2, dam.RADIUS / 2
 #: v* at which the viscoelastic law gives 0.9 (by the ODE, the contact may pull).
@@ -39,7 +39,7 @@ def gamma(restitution: float, mass: float, stiffness_constant: float) -> float:
 
 
 def restitution(speed: float, printed: bool) -> float:
-    """What comes out at a speed [m/s], by the ODE: second reading of equation 7, or the one as printed."""
+    """Restitution that results at a speed [m/s], by the ODE: reading 2 of equation 7, or as printed."""
     kn, _ = stiffness(dam.BALL, dam.BALL)
     k = kn * math.sqrt(RADIUS_STAR)
     power = 1.0 if printed else 0.5

@@ -43,8 +43,8 @@ def printed_restitution(factor: float, mass: float, radius: float, young: float,
     """Restitution behind a printed damping factor: its equations 11 and 12 solved for e.
 
     gamma = sqrt(4 m' k/(1 + beta^2)), beta = pi/ln e, k = 2/3 E/(1 - nu^2) sqrt(R_eff): the formula of a
-    linear spring with a Hertz coefficient, whose units do not fit; it is used here only to undo what the
-    authors did.
+    linear spring with a Hertz coefficient, whose units do not match; it is used here only to
+    invert the calculation of the authors.
     """
     k = 2 / 3 * young / (1 - poisson**2) * math.sqrt(radius)
     return math.exp(-math.pi / math.sqrt(4 * mass * k / factor**2 - 1))
@@ -205,11 +205,11 @@ def measures(results: Results, label: str, code: str) -> dict[str, float]:
 
 
 def unrest(run: Run) -> float:
-    """Kinetic energy, spins with it, in the last row before the gate is removed, by the fall of the flow."""
-    table, gone = run.history, opening(run)
+    """Kinetic energy with rotation in the last row before the opening, by the fall of the flow [1]."""
+    table = run.history
     kinetic = np.asarray(table["kinetic_energy"] + table["rotational_energy"])
     potential = np.asarray(table["potential_energy"])
-    before = np.asarray(table["time"]) < gone
+    before = np.asarray(table["time"]) < opening(run)
     return float(kinetic[before][-1] / (potential[before][-1] - potential[~before].min()))
 
 

@@ -37,6 +37,7 @@ def early_checks() -> tuple[PerPair, ...]:
             f"{name}, largest difference over the first milliseconds",
             lambda results, code, other, column=column: measure(results, column, code, other),
             tolerance=1e-9,
+            half_step=True,
             reason="same law, same scheme: rounding, which each of the few collisions multiplies by"
             " (free path / radius)",
             catches="a pair missing in the neighbor list, a wrong image across a periodic side",

@@ -104,14 +104,14 @@ class Approach:
     contact_times: np.ndarray
     excess: np.ndarray
     errors: np.ndarray
-    """Of the soft means alone."""
+    """Of the soft means only."""
     hard_error: float
     """Of the hard mean: shared by all."""
 
     def up_to(self, longest: float) -> Approach:
         """The runs whose contacts last no longer than this [s]."""
-        kept = self.contact_times <= longest
-        return Approach(self.contact_times[kept], self.excess[kept], self.errors[kept], self.hard_error)
+        short = self.contact_times <= longest
+        return Approach(self.contact_times[short], self.excess[short], self.errors[short], self.hard_error)
 
     def slope(self) -> tuple[float, float]:
         """(p, its standard error) of |excess| = C t_c^p, weighted least squares."""
