@@ -8,8 +8,10 @@ timing. Nothing more is claimed: without contacts that can be evaluated, or with
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from comparisons.harness import codes
@@ -18,6 +20,8 @@ from comparisons.metrics import law_on_states as states
 from comparisons.metrics.law_on_states import Touch
 from gpudem.output.run import Run
 from gpudem.scene import Scene
+from reference.process import contacts
+from reference.process.contacts import ContactTable
 from reference.process.states import FULL_DIGITS
 
 if TYPE_CHECKING:
@@ -113,10 +117,15 @@ def _verdict(group: list[tuple[str, Run]]) -> Verdict:
         return dataclasses.replace(
             blank, what="output", part="velocity", where="-", size=errors[0], order=drift
         )
-    touches, crowded = states.isolated(runs[0].scene, _trace(runs[0])["position"])
+    found = states.contacts(runs[0].scene, _trace(runs[0])["position"])
+    touches = found if all(map(_table, runs)) else [touch for touch in found if touch.alone]
     blank = dataclasses.replace(blank, contacts=len(touches))
     if not touches:
-        none = "contacts of particles that have several at a time" if crowded else "no contact"
+        none = (
+            "contacts of particles that have several at a time, and no contacts.csv"
+            if found
+            else "no contact"
+        )
         return dataclasses.replace(blank, what=f"not known: {none}")
     missed = _missed(runs[0], touches, verlet)
     if missed:
@@ -142,10 +151,28 @@ def _trace(run: Run) -> states.Trace:
     return run.trace
 
 
+def _table(run: Run) -> ContactTable | None:
+    """The forces of contacts as the code states them; None if it does not."""
+    name = run.notes.get("contacts")
+    return _read_table(run.scene, run.directory / name) if name else None
+
+
+@functools.lru_cache(maxsize=16)
+def _read_table(scene: Scene, path: Path) -> ContactTable:
+    return contacts.read(scene, path)
+
+
+def _compare(run: Run, touch: Touch, verlet: bool, law: states.Law | None = None) -> states.Compared:
+    """The forces of a contact: as stated in contacts.csv where there is one, else from the motion."""
+    trace, table = _trace(run), _table(run)
+    given = None if table is None else table.force(touch.i, touch.other, trace["step"])
+    return states.compare(run.scene, trace, touch, verlet, law, given)
+
+
 def _missed(run: Run, touches: Sequence[Touch], verlet: bool) -> tuple[str, float] | None:
     """(contact, share of its steps) that has no force where the law has one."""
     for touch in touches:
-        compared = states.compare(run.scene, _trace(run), touch, verlet)
+        compared = _compare(run, touch, verlet)
         share = compared.absent() / len(compared.normal[0])
         if share > MISSED:
             return str(touch), share
@@ -179,7 +206,7 @@ def _largest(
     """Part of the force -> (largest difference, contact)."""
     found: dict[str, tuple[float, Touch]] = {}
     for touch in touches:
-        for part, size in states.compare(run.scene, _trace(run), touch, verlet, law).differences().items():
+        for part, size in _compare(run, touch, verlet, law).differences().items():
             if part not in found or size > found[part][0]:
                 found[part] = (size, touch)
     return found

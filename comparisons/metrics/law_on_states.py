@@ -29,6 +29,8 @@ class Touch:
 
     i: int
     other: int | str
+    alone: bool = True
+    """Its particles have no other contact meanwhile."""
 
     def __str__(self) -> str:
         partner = self.other if isinstance(self.other, str) else self.other + 1
@@ -89,8 +91,8 @@ def overlap(scene: Scene, position: np.ndarray, touch: Touch) -> tuple[np.ndarra
     return d / distance[:, None], radius[touch.i] + radius[touch.other] - distance
 
 
-def isolated(scene: Scene, position: np.ndarray) -> tuple[list[Touch], int]:
-    """(contacts along a trace whose particles have no other one meanwhile, number of the other contacts)."""
+def contacts(scene: Scene, position: np.ndarray) -> list[Touch]:
+    """All contacts along a trace."""
     n, found = len(scene.state), {}
     others = [Touch(i, plane.name) for plane in scene.planes for i in range(n)]
     for touch in [*others, *(Touch(i, j) for i in range(n) for j in range(i + 1, n))]:
@@ -101,8 +103,10 @@ def isolated(scene: Scene, position: np.ndarray) -> tuple[list[Touch], int]:
     for touch, on in found.items():
         for row in _rows(touch):
             count[on, row] += 1
-    alone = [t for t, on in found.items() if (count[on][:, _rows(t)] == 1).all()]
-    return alone, len(found) - len(alone)
+    return [
+        dataclasses.replace(touch, alone=bool((count[on][:, _rows(touch)] == 1).all()))
+        for touch, on in found.items()
+    ]
 
 
 def _rows(touch: Touch) -> list[int]:
@@ -167,11 +171,24 @@ class Compared:
         return int(np.count_nonzero((law > 1e-3 * law.max()) & (code < 1e-6 * law.max())))
 
 
-def compare(scene: Scene, trace: Trace, touch: Touch, verlet: bool, law: Law | None = None) -> Compared:
-    """The forces of one isolated contact.
+def compare(
+    scene: Scene,
+    trace: Trace,
+    touch: Touch,
+    verlet: bool,
+    law: Law | None = None,
+    given: np.ndarray | None = None,
+) -> Compared:
+    """The forces of one contact.
 
-    `verlet`: of a velocity Verlet run, whose forces at the states follow from these, the law with half-step
-    velocities; else mean forces over each step, the law as the mean of both ends.
+    Args:
+        scene: What was run.
+        trace: The states at every step.
+        touch: The contact; without `given`, its particles must have no other one meanwhile.
+        verlet: Of a velocity Verlet run, whose forces at the states follow from these, and the law with
+            half-step velocities; else mean forces over each step, and the law as the mean of both ends.
+        law: The law, or one with a mistake.
+        given: Forces of this contact as the code states them [N], (steps, 3); None: from its motion.
     """
     law, dt, i = law or Law(), scene.time.step, touch.i
     n, depth = overlap(scene, trace["position"], touch)
@@ -185,6 +202,7 @@ def compare(scene: Scene, trace: Trace, touch: Touch, verlet: bool, law: Law | N
     if verlet:
         got = 2 * mass * (trace["velocity"][:, i] - v[:, i]) / dt - mass * gravity
         got[0] = 0.0
+        got = got if given is None else given.copy()
         got[~on] = 0.0
         along = (got * n).sum(axis=1)
         across = got - along[:, None] * n
@@ -193,6 +211,7 @@ def compare(scene: Scene, trace: Trace, touch: Touch, verlet: bool, law: Law | N
         normal, tangential = (along[1:], fn[1:]), (across[1:], ft[1:])
     else:
         got = mass * np.diff(trace["velocity"][:, i], axis=0) / dt - mass * gravity
+        got = got if given is None else (given[1:] + given[:-1]) / 2
         middle = n[1:] + n[:-1]
         middle = middle / np.linalg.norm(middle, axis=1)[:, None]
         along = (got * middle).sum(axis=1)
@@ -203,7 +222,7 @@ def compare(scene: Scene, trace: Trace, touch: Touch, verlet: bool, law: Law | N
         touch,
         (normal[0][used], normal[1][used]),
         (tangential[0][used], tangential[1][used]),
-        (spinning[used], turning[used]),
+        (spinning[used & touch.alone], turning[used & touch.alone]),
     )
 
 

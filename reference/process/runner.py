@@ -18,7 +18,7 @@ from gpudem.output.run import Run, Timing
 from gpudem.scene import Scene, checks
 from reference.code import Code, Options, Progress
 from reference.errors import CannotState, CodeTimeout
-from reference.process import contract, statement, states
+from reference.process import contacts, contract, statement, states
 
 #: Folders in the directory of a run: what the command is given, and what it writes.
 GIVEN, WRITTEN = "given", "written"
@@ -87,6 +87,9 @@ class Process:
         progress(scene.n_steps)
         about, warnings = states.about(written)
         found = states.read(scene, written, statement.wanted_steps(scene))
+        table = written / contract.CONTACTS
+        if table.is_file():
+            contacts.read(scene, table)
         trace, history = states.record(scene, directory, found, about)
         stepping = about.stepping_s or 0.0
         timing = Timing(
@@ -99,6 +102,7 @@ class Process:
             "time_step": about.time_step or scene.time.step,
             "digits": found.digits,
             "not_written": found.not_written,
+            "contacts": f"{WRITTEN}/{table.name}" if table.is_file() else "",
         }
         warnings = [*checks.warnings(scene), *warnings, *found.warnings]
         version = " ".join(text for text in (about.name, about.version) if text)

@@ -5,6 +5,7 @@ The runs are those of the cases with a single contact, at their larger time step
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import sys
 from pathlib import Path
@@ -13,11 +14,13 @@ import numpy as np
 import pytest
 
 from comparisons.harness import attribution, brought, codes
+from comparisons.harness.case import Results
 from comparisons.harness.discover import find_cases
 from comparisons.harness.evaluate import Evaluation
 from comparisons.harness.results import CheckResult
 from comparisons.metrics import law_on_states
 from gpudem.output.run import Run
+from gpudem.scene import Domain, Explicit, Material, Output, Pair, Scene, Time
 from reference.code import Options
 from reference.process import code_of
 
@@ -213,3 +216,48 @@ def test_example_refuses_what_it_cannot_run(tmp_path):
 def test_example_is_short():
     """150 lines are what a reader takes in."""
     assert len(MY_DEM.read_text().splitlines()) <= 150
+
+
+def three_in_a_row() -> Scene:
+    """Two balls in contact, the third hits them off its axis: the middle one has two contacts at a time."""
+    return Scene(
+        name="row", materials={"ball": Material(young=3e8, poisson=0.3, density=2500)},
+        pairs=[Pair(materials=("ball", "ball"), restitution=0.7, friction=0.2)],
+        particles=Explicit(
+            position=[[0, 0, 0], [0.0101, 0, 0], [0.0201, 0, 0]], radius=0.005, material="ball",
+            velocity=[[1.0, 0.3, 0], [0, 0, 0], [0, 0, 0]],
+        ),
+        domain=Domain(lo=(-0.05, -0.05, -0.05), hi=(0.1, 0.05, 0.05)),
+        time=Time(step=1e-6, duration=4e-4), output=Output(trace_every=1e-6),
+    )  # fmt: skip
+
+
+#: Change of the table (step, force) -> (forces, listed) -> what differs.
+TABLES = {
+    "as computed": (lambda step, force: force, "nothing"),
+    "forces of another law": (lambda step, force: 1.05 * force, attribution.ONE_STEP),
+    "no contact for a while": (lambda step, force: force if step > 150 else None, "list"),
+}
+
+
+@pytest.mark.parametrize(("change", "what"), TABLES.values(), ids=TABLES)
+def test_stated_contacts_judge_particles_with_several(tmp_path, change, what):
+    """Detects a table of contacts that is not read, or read for the wrong particle or with the wrong sign."""
+    run = codes.CODES["gpudem"].run(three_in_a_row(), tmp_path, Options(threads=1), lambda step: None, {})
+    run = dataclasses.replace(run, code=NAME, notes={"scheme": "half_step", "digits": 17})
+
+    def verdict() -> attribution.Verdict:
+        (found,) = attribution.verdicts(Results("quick", {("row", NAME): run}), NAME)
+        return found
+
+    assert verdict().what.startswith("not known: contacts of particles that have several at a time")
+    rows = ["step,id,other,fx,fy,fz"]  # the outer particles have one contact each: their whole force
+    for step, forces in zip(run.trace["step"].tolist(), run.trace["force"], strict=True):
+        for row, other in ((0, 2), (2, 2)):
+            stated = change(step, forces[row])
+            if forces[row].any() and stated is not None:
+                rows.append(",".join([str(step), str(row + 1), str(other), *map(repr, stated.tolist())]))
+    (tmp_path / "contacts.csv").write_text("\n".join(rows) + "\n")
+    run.notes["contacts"] = "contacts.csv"
+    assert verdict().what == what
+    assert verdict().contacts == 2

@@ -22,7 +22,7 @@ from gpudem.output.run import Run
 from gpudem.scene import Box, Contact, Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
 from reference.code import Options
 from reference.errors import CannotState, CodeTimeout
-from reference.process import contract, statement, states
+from reference.process import contacts, contract, statement, states
 from reference.process.runner import CommandFailed, Process, code_of
 
 MATERIALS = {
@@ -274,6 +274,35 @@ def test_run_json_is_checked(tmp_path, text, words):
     (tmp_path / "run.json").write_text(text)
     with pytest.raises(states.OutputError, match=words):
         states.about(tmp_path)
+
+
+CONTACT_ROWS = {
+    "no column": ("step,id,other,fx,fy", "0,1,2,1,1", "line 1: no column fz"),
+    "unknown particle": (None, "0,1,4,1,1,1", "line 2: contact of '1' and '4': ids are 1 to 3, or a plane"),
+    "unknown plane": (None, "0,1,floor,1,1,1", "contact of '1' and 'floor'"),
+    "text": (None, "0,1,2,1,a,1", "line 2: could not convert string to float: 'a'"),
+    "not finite": (None, "0,1,2,1,nan,1", "line 2: force 1, nan, 1, not finite"),
+    "from both sides": (None, "0,1,2,1,1,1\n0,2,1,-1,-1,-1", "line 3: the contact of 2 and 1 is given twice"),
+}
+
+
+@pytest.mark.parametrize(("head", "rows", "words"), CONTACT_ROWS.values(), ids=CONTACT_ROWS)
+def test_table_of_contacts_is_checked(tmp_path, head, rows, words):
+    """Detects a contact that is passed over since its row cannot be read."""
+    path = tmp_path / "contacts.csv"
+    path.write_text(f"{head or 'step,id,other,fx,fy,fz'}\n{rows}\n")
+    with pytest.raises(states.OutputError, match=words):
+        contacts.read(flying(), path)
+
+
+def test_force_of_a_contact_from_either_side(tmp_path):
+    """Detects a force with the wrong sign, or of another step."""
+    path = tmp_path / "contacts.csv"
+    path.write_text("step,id,other,fx,fy,fz\n5,3,1,1,2,3\n5,2,tilted,0,0,7\n")
+    table, steps = contacts.read(flying(), path), np.array([0, 5])
+    assert table.force(2, 0, steps).tolist() == [[0, 0, 0], [1, 2, 3]]
+    assert table.force(0, 2, steps).tolist() == [[0, 0, 0], [-1, -2, -3]]
+    assert table.force(1, "tilted", steps)[1].tolist() == [0, 0, 7]
 
 
 # -- how it is run -------------------------------------------------------------------------------------------
