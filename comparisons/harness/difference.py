@@ -241,6 +241,9 @@ def _speeds(before: list[TimingResult], after: list[TimingResult]) -> list[Speed
         ratio = math.log(now[key] / was[key])
         for group in ((key[2], ""), (key[2], key[0])):
             logs.setdefault(group, []).append(ratio)
+    for code in [code for code, case in logs if not case]:
+        if len(cases := [group for group in logs if group[0] == code and group[1]]) == 1:
+            del logs[cases[0]]  # the same runs
     groups = sorted(logs.items(), key=lambda item: (item[0][1] != "", item[0]))
     tests = sum(len(ratios) >= FEWEST for _, ratios in groups)
     return [_speed(*group, np.array(ratios), tests) for group, ratios in groups]

@@ -8,6 +8,7 @@ import os
 import platform
 import subprocess
 import sys
+import tomllib
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -42,13 +43,13 @@ def utc_now() -> str:
 def commit() -> tuple[str, bool]:
     """(short commit of this tree, whether it has uncommitted changes).
 
-    ("unknown", False) outside git, and for a package that is installed within another repository, whose
-    commit is not that of the package.
+    ("unknown", False) outside git, and for a package that is installed or copied into another repository,
+    whose commit is not that of the package.
     """
-    root = Path(__file__).resolve().parents[2]
+    file = Path(__file__).resolve()
+    root = file.parents[2]
     # set within a hook or by `git rebase --exec`, for a repository that need not be this one
-    named = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")
-    environment = {k: v for k, v in os.environ.items() if k not in named}
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("GIT_")}
 
     def git(*arguments: str) -> str:
         done = subprocess.run(
@@ -58,11 +59,21 @@ def commit() -> tuple[str, bool]:
         return done.stdout.strip()
 
     try:
-        if Path(git("rev-parse", "--show-toplevel")).resolve() != root:
+        if Path(git("rev-parse", "--show-toplevel")).resolve() != root or not _is_project(root):
             return "unknown", False
+        git("ls-files", "--error-unmatch", str(file))  # else `pip install --target` into a repository
         return git("rev-parse", "--short", "HEAD"), bool(git("status", "--porcelain", "--untracked-files=no"))
     except (OSError, subprocess.SubprocessError):
         return "unknown", False
+
+
+def _is_project(root: Path) -> bool:
+    """Whether a folder is a source tree of this project, by its pyproject.toml."""
+    try:
+        with (root / "pyproject.toml").open("rb") as stated:
+            return tomllib.load(stated)["project"]["name"] == "gpudem"
+    except (OSError, ValueError, LookupError, TypeError):
+        return False
 
 
 def hardware() -> Hardware:

@@ -291,16 +291,59 @@ def test_commit_of_a_package_within_another_repository(tmp_path, monkeypatch):
     assert provenance.commit() == ("unknown", False), "nor what a git hook's environment says"
 
 
-def test_commit_of_a_checkout(tmp_path, monkeypatch):
-    git(tmp_path, "init", "-q")
-    harness = tmp_path / "comparisons" / "harness"
-    harness.mkdir(parents=True)
-    (harness / "provenance.py").write_text("")
-    git(tmp_path, "add", ".")
-    git(tmp_path, "commit", "-qm", "ours")
-    monkeypatch.setattr(provenance, "__file__", str(harness / "provenance.py"))
+@pytest.fixture
+def checkout(tmp_path, monkeypatch):
+    """checkout(folder, **files): a repository with a tree of the project in it, whose commit is asked for."""
+
+    def make(folder: Path, project: str = "gpudem", tracked: bool = True) -> str:
+        harness = folder / "comparisons" / "harness"
+        harness.mkdir(parents=True)
+        git(folder, "init", "-q")
+        (folder / "pyproject.toml").write_text(f'[project]\nname = "{project}"\n' if project else "")
+        (harness / "provenance.py").write_text("")
+        git(folder, "add", "." if tracked else "pyproject.toml")
+        git(folder, "commit", "-qm", "a tree")
+        monkeypatch.setattr(provenance, "__file__", str(harness / "provenance.py"))
+        return git(folder, "rev-parse", "--short", "HEAD")
+
+    return make
+
+
+def test_commit_of_a_checkout(tmp_path, checkout, monkeypatch):
+    short = checkout(tmp_path)
     monkeypatch.setenv("GIT_DIR", "/nowhere")
-    short = git(tmp_path, "--git-dir", str(tmp_path / ".git"), "rev-parse", "--short", "HEAD")
+    monkeypatch.setenv("GIT_COMMON_DIR", "/nowhere")
     assert provenance.commit() == (short, False)
-    (harness / "provenance.py").write_text("changed")
+    (tmp_path / "comparisons" / "harness" / "provenance.py").write_text("changed")
     assert provenance.commit() == (short, True)
+
+
+@pytest.mark.parametrize(
+    ("project", "tracked"),
+    [("theirs", True), ("", True), ("gpudem", False)],
+    ids=["copied into their tree", "no project", "installed into the root"],
+)
+def test_commit_of_a_tree_at_the_root_of_another_repository(tmp_path, checkout, project, tracked):
+    """Copied, or installed by `pip install --target .`: the commit there is not that of the package."""
+    checkout(tmp_path, project, tracked)
+    assert provenance.commit() == ("unknown", False)
+
+
+def test_commit_of_a_worktree_and_of_a_submodule(tmp_path, checkout, monkeypatch):
+    """Their own commit, not that of the main tree or of the repository around."""
+    first = checkout(tmp_path / "main")
+    git(tmp_path / "main", "worktree", "add", "-q", str(tmp_path / "other"), "-b", "other")
+    git(tmp_path / "main", "commit", "-q", "--allow-empty", "-m", "later")
+    file = tmp_path / "other" / "comparisons" / "harness" / "provenance.py"
+    monkeypatch.setattr(provenance, "__file__", str(file))
+    assert provenance.commit() == (first, False)
+
+    around = tmp_path / "around"
+    around.mkdir()
+    git(around, "init", "-q")
+    add = ("-c", "protocol.file.allow=always", "submodule", "add", "-q", str(tmp_path / "main"), "gpudem")
+    git(around, *add)
+    git(around, "commit", "-qm", "theirs")
+    file = around / "gpudem" / "comparisons" / "harness" / "provenance.py"
+    monkeypatch.setattr(provenance, "__file__", str(file))
+    assert provenance.commit() == (git(tmp_path / "main", "rev-parse", "--short", "HEAD"), False)

@@ -122,10 +122,20 @@ def test_times_with_their_spread(before, factor, noise, n, significant):
     found = difference.difference(
         first, dataclasses.replace(before, timings=timings(factor, noise, n))
     ).speeds
-    assert [(s.code, s.case, s.runs) for s in found] == [("gpudem", "", n), ("gpudem", "c", n)]
-    assert [s.significant for s in found] == [significant, significant]
+    assert [(s.code, s.case, s.runs) for s in found] == [("gpudem", "", n)]
+    assert [s.significant for s in found] == [significant]
     if n >= 3:
         assert all(s.low <= factor * 1.0001 and s.high >= factor * 0.9999 for s in found)
+
+
+def test_times_by_case(before):
+    """One case twice as slow is seen beside one that is not."""
+    first = dataclasses.replace(before, timings=timings(1.0, 0.01) + timings(1.0, 0.01, case="d"))
+    second = dataclasses.replace(before, timings=timings(2.0, 0.02) + timings(1.0, 0.02, case="d"))
+    found = {s.case: s for s in difference.difference(first, second).speeds}
+    assert {case: s.significant for case, s in found.items()} == {"": True, "c": True, "d": False}
+    assert found["c"].factor == pytest.approx(2.0, rel=0.02)
+    assert found[""].factor == pytest.approx(math.sqrt(2.0), rel=0.02)
 
 
 def test_runs_of_other_work_are_not_compared(before):
