@@ -14,6 +14,8 @@ Row = tuple[str, str, str]
 
 #: More different values than this are shown as their range.
 LISTED = 6
+#: Names in a row; pairs are named up to three times as many.
+NAMED = 5
 
 
 def rows(scenes: list[Scene]) -> list[Row]:
@@ -33,7 +35,8 @@ def essentials(scene: Scene) -> dict[tuple[str, str], float | str]:
     if state.angular_velocity.any():
         table["start spin", "rad/s"] = _span(np.linalg.norm(state.angular_velocity, axis=1))
     for (young, poisson, density), names in _materials(scene).items():
-        table[f"material {', '.join(names)}", ""] = (
+        shown = names if len(names) <= NAMED else [*names[: NAMED - 1], f"{len(names) - NAMED + 1} more"]
+        table[f"material {', '.join(shown)}", ""] = (
             f"Young's modulus {number(young)} Pa, Poisson's ratio {poisson:g},"
             f" density {number(density)} kg/m\u00b3"
         )
@@ -78,13 +81,17 @@ def _materials(scene: Scene) -> dict[tuple[float, float, float], list[str]]:
 
 
 def _pairs(scene: Scene, name: str) -> float | str:
-    """A property of all pairs that can meet: one value, or each value with its pairs, the commonest last."""
+    """A property of all pairs that can meet: one value, or each value with its pairs, the commonest last; of
+    many pairs only the values.
+    """
     found: dict[float, list[str]] = {}
     for pair in scene.contact_pairs:
         found.setdefault(getattr(pair, name), []).append(" / ".join(pair.materials))
     if len(found) == 1:
         return next(iter(found))
     groups = sorted(found.items(), key=lambda item: len(item[1]))
+    if sum(len(pairs) for _, pairs in groups[:-1]) > 3 * NAMED:
+        return f"{', '.join(f'{value:g}' for value in sorted(found))} ({len(scene.contact_pairs)} pairs)"
     shown = [f"{value:g} ({', '.join(pairs)})" for value, pairs in groups[:-1]]
     value, pairs = groups[-1]
     return ", ".join([*shown, f"{value:g} ({pairs[0]})" if len(pairs) == 1 else f"{value:g} (other pairs)"])

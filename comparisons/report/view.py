@@ -241,14 +241,14 @@ class View:
         return [Deck(variant, text) for text, variant in list(found.items())[:MAX_DECKS]]
 
     def status_of(self, case: CaseResult) -> str:
-        """Worst status of a case: for its colour and word."""
+        """Worst status of a case, for its color and word; empty where it has nothing but findings."""
         shown = [*case.artefacts, *self.findings_of(case.name)]
         statuses = {c.status for c in self.checks_of(case.name)} | {a.status for a in shown} - {"ok"}
         if case.status == "error" or "error" in statuses:
             return "error"
         if "fail" in statuses:
             return "fail"
-        return "pass" if "pass" in statuses else "left_out"
+        return "pass" if "pass" in statuses else "left_out" if self.checks_of(case.name) else ""
 
 
 def memory(n: float) -> str:

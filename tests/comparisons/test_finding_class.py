@@ -101,3 +101,11 @@ def test_a_table_of_advice_that_cannot_be_made_is_said(tmp_path, fake_codes):
     case = dataclasses.replace(fake.case(), figures=(), tables=(table,))
     execute.Session([case], tmp_path).run()
     assert "no such column" in (tmp_path / "report.html").read_text()
+
+
+def test_a_case_of_findings_only_is_not_called_left_out(tmp_path, fake_codes):
+    """Catches a page that says "left out" of a case in which there is nothing to judge."""
+    case = dataclasses.replace(found_case(), checks=())
+    execute.Session([case], tmp_path).run()
+    page = (tmp_path / "report.html").read_text()
+    assert "LEFT OUT" not in page[page.index("<h2>Balls thrown upwards") :]

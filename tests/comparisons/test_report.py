@@ -7,6 +7,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from comparisons.cases.limits.stability import at_rest
 from comparisons.harness import results, setup_table
 from comparisons.harness.numbers import number
 from comparisons.report import page as report
@@ -160,6 +161,14 @@ def test_dense_figures_stay_small():
     fig, axes = plots.figure()
     axes.plot(np.random.default_rng(0).random(200_000), np.arange(200_000))
     assert len(svg.of(fig)) < 400_000
+
+
+def test_setup_of_many_materials_stays_short():
+    """Catches a row that names each of hundreds of pairs."""
+    scene = at_rest("hertz", [0.5])[0]
+    rows = {name: value for name, value, _ in setup_table.rows([scene])}
+    assert rows["restitution"] == "0.1, 0.3, 0.5, 0.9, 1 (65 pairs)"
+    assert all(len(name) + len(value) < 150 for name, value in rows.items())
 
 
 def test_setup_names_what_differs_between_variants():
