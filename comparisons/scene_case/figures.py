@@ -86,6 +86,8 @@ def histories(results: Results, plan: Plan) -> Figure:
             panel.set_ylabel(name)
     for panel in axes[1]:
         panel.set_xlabel("time [s]")
+    for panel in axes.flat:
+        panel.set_visible(panel.has_data())
     plots.legend(axes[0, 0])
     return figure
 
