@@ -51,7 +51,7 @@ class Parting:
 
 
 def differences(scene: Scene, a: Trace, b: Trace) -> dict[str, np.ndarray]:
-    """Differences of two traces, each (t, n): position [m], speed [m/s], force [N], torque [N m].
+    """Differences of two traces, each (t, n): position [m], speed [m/s]; force [N], torque [N m] if in both.
 
     Positions to the nearest image. "speed" is the larger one of the differences of velocity and of surface
     velocity R omega. Raises ValueError for traces of different shape or steps.
@@ -61,11 +61,11 @@ def differences(scene: Scene, a: Trace, b: Trace) -> dict[str, np.ndarray]:
     shift = contacts.nearest_image(a["position"] - b["position"], period(scene))
     spin = np.linalg.norm(a["angular_velocity"] - b["angular_velocity"], axis=2) * scene.state.radius
     velocity = np.linalg.norm(a["velocity"] - b["velocity"], axis=2)
+    loads = [k for k in ("force", "torque") if k in a and k in b]
     return {
         "position": np.linalg.norm(shift, axis=2),
         "speed": np.maximum(velocity, spin),
-        "force": np.linalg.norm(a["force"] - b["force"], axis=2),
-        "torque": np.linalg.norm(a["torque"] - b["torque"], axis=2),
+        **{k: np.linalg.norm(a[k] - b[k], axis=2) for k in loads},
     }
 
 
@@ -100,17 +100,28 @@ def find(
     last = first_beyond(np.where(inside, excess, 0.0), np.ones(len(excess)))
     if last is None:
         return None
-    scale = np.maximum.accumulate(np.linalg.norm(a["force"], axis=2).max(axis=1))
-    radius = float(scene.state.radius.max())
-    limits = {
-        "force": np.maximum(allowed["force"], FORCE_FLOOR * scale),
-        "torque": np.maximum(allowed["torque"], FORCE_FLOOR * scale * radius),
-    }
-    loads = {k: found[k] / limits[k][:, None] for k in limits}
-    load = np.max([loads[k].max(axis=1) for k in loads], axis=0)
-    first = first_beyond(load[: last + 1], np.ones(last + 1))
+    loads = _loads(scene, found, a, b, allowed)
+    first = None
+    if loads:
+        load = np.max([values.max(axis=1) for values in loads.values()], axis=0)
+        first = first_beyond(load[: last + 1], np.ones(last + 1))
     step = last if first is None else first
     return _Cause(scene, names, a, b, step, found, loads, first is not None).parting()
+
+
+def _loads(
+    scene: Scene, found: Mapping[str, np.ndarray], a: Trace, b: Trace, allowed: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Differences of forces and torques over what is allowed, each (t, n); none without forces."""
+    if "force" not in found:
+        return {}
+    largest = np.linalg.norm(np.maximum(np.abs(a["force"]), np.abs(b["force"])), axis=2).max(axis=1)
+    scale = FORCE_FLOOR * np.maximum.accumulate(largest)
+    loads = {"force": found["force"] / np.maximum(allowed["force"], scale)[:, None]}
+    if "torque" in found:
+        limit = np.maximum(allowed["torque"], scale * float(scene.state.radius.max()))
+        loads["torque"] = found["torque"] / limit[:, None]
+    return loads
 
 
 class _Cause:
@@ -120,11 +131,12 @@ class _Cause:
         self.scene, self.names, self.a, self.b, self.k = scene, names, a, b, k
         self.found, self.loads, self.by_load = found, loads, by_load
         self.weight = scene.masses[:, None] * np.array(scene.gravity)
-        kind = "force" if loads["force"][k].max() >= loads["torque"][k].max() else "torque"
-        self.kind = kind if by_load else "position"
-        rows = loads[kind][k] if by_load else found["position"][k] + found["speed"][k]
+        self.kind = max(loads, key=lambda name: loads[name][k].max()) if by_load else "position"
+        rows = loads[self.kind][k] if by_load else found["position"][k] + found["speed"][k]
         self.i = int(np.argmax(rows))
-        self.change = a["force"][k] - b["force"][k]
+        self.change = scene.masses[:, None] * (a["velocity"][k] - b["velocity"][k])
+        if by_load:
+            self.change = a["force"][k] - b["force"][k]
         self.radius, self.period = scene.state.radius, period(scene)
 
     def parting(self) -> Parting:
@@ -176,16 +188,13 @@ class _Cause:
         mass = self.scene.masses[self.i]
         if not partner:
             if not self.by_load:
-                size = self.found["position"][self.k, self.i]
-                return "motion without a contact", f"equal forces, positions differ by {size:.2g} m"
+                size = self.found["speed"][self.k, self.i]
+                return "motion without a contact", f"speeds differ by {size:.2g} m/s; {self.unseen()}"
             gap = np.linalg.norm(change) / mass
             return "force without a contact", f"accelerations differ by {gap:.3g} m/s2: gravity or time step"
         if not self.by_load:
             size = self.found["speed"][self.k, self.i]
-            return (
-                "motion in a contact",
-                f"forces agree to the trace interval, speeds differ by {size:.2g} m/s",
-            )
+            return "motion in a contact", f"speeds differ by {size:.2g} m/s; {self.unseen()}"
         forces = [run["force"][self.k, self.i] - self.weight[self.i] for run in (self.a, self.b)]
         sizes = [float(np.linalg.norm(f)) for f in forces]
         if single and min(sizes) <= 1e-12 * max(sizes):
@@ -233,6 +242,10 @@ class _Cause:
             return ""
         steps = count * int(self.a["step"][1] - self.a["step"][0])
         return f"; {steps} step{'s' if steps > 1 else ''} of this contact agree"
+
+    def unseen(self) -> str:
+        """Why no force is named."""
+        return "forces agree at the times of the trace" if "force" in self.found else "forces are not written"
 
     def tangential(self, along: list[float], across: list[float], pair) -> str:
         """Which part of a tangential force differs, as far as two force vectors show."""

@@ -279,6 +279,8 @@ def sanity(results: Results, plan: Plan, code: str) -> Sanity:
 
 def _busiest(scene: Scene, whole: dict[str, np.ndarray]) -> list[int]:
     """Index of the largest contact force: where the overlap is largest."""
+    if "force" not in whole:
+        return []
     weight = scene.masses[:, None] * np.array(scene.gravity)
     return [int(np.argmax(np.linalg.norm(whole["force"] - weight, axis=2).max(axis=1)))]
 

@@ -17,6 +17,8 @@ from gpudem.solver.guards import MAX_OVERLAP
 
 #: Largest overlap / radius, and fewest steps of a contact, that are called sound.
 OVERLAP, STEPS = 0.1, 10.0
+#: Name of the check of each pair.
+AGREEMENT = "positions and speeds until the horizon: largest difference / what rounding explains"
 #: Change of the energy / largest kinetic energy.
 ENERGY = 0.05
 #: Change of momentum / sum of m |v|: rounding of as many sums as there are steps and contacts.
@@ -30,9 +32,9 @@ def between(plan: Plan) -> PerPair:
         title = codes.title(other)
         return (
             Check(
-                name="positions and speeds until the horizon: largest difference / what rounding explains",
+                name=AGREEMENT,
                 measure=lambda results: agreement(results, plan, code, other),
-                tolerance=1.0, unit="1", against=title, mark="X", needs=(code, other),
+                tolerance=1.0, unit="1", against=title, mark="X", needs=(code, other), half_step=True,
                 reason=(
                     f"same law and scheme: {analysis.FACTOR:g} times what perturbations of the start by"
                     " rounding have grown to in gpudem itself"

@@ -11,6 +11,7 @@ from comparisons.harness.case import Results
 from comparisons.harness.results import CheckResult
 from comparisons.scene_case import analysis
 from comparisons.scene_case import plan as plans
+from comparisons.scene_case.checks import AGREEMENT
 from comparisons.scene_case.plan import Plan
 
 #: Letters of a reason at most.
@@ -24,7 +25,7 @@ def sentence(plan: Plan, results: Results, checks: Sequence[CheckResult]) -> str
         every = {**results.left_out, **results.failed}
         why = [text for (label, _), text in every.items() if label == plans.SCENE]
         return f"no code ran the scene: {'; '.join(dict.fromkeys(_short(text) for text in why))}"
-    parts = [_pair(plan, results, *pair) for pair in pairs_of(results)]
+    parts = [_pair(plan, results, checks, *pair) for pair in pairs_of(results)]
     if not parts:
         parts = [_alone(plan, results, ran)]
     for missing, what in ((results.failed, "failed"), (results.left_out, "is left out")):
@@ -46,12 +47,19 @@ def pairs_of(results: Results) -> list[tuple[str, str]]:
     return codes.pairs(_ran(results))
 
 
-def _pair(plan: Plan, results: Results, code: str, other: str) -> str:
+def _pair(plan: Plan, results: Results, checks: Sequence[CheckResult], code: str, other: str) -> str:
     one, two = codes.title(code), codes.title(other)
     if not analysis.has(results, plans.SCENE, "gpudem") or incomplete(results):
         return f"{one} and {two} are not compared: runs of gpudem are missing"
     limits = analysis.envelope(results, plan)
     found = analysis.agreement(results, plan, code, other)
+    asked = [c for c in checks if c.name.startswith(AGREEMENT) and c.needs == (code, other)]
+    if asked and asked[0].status == "left_out" and not found.vacuous:
+        text = f"{one} and {two} are not judged particle by particle ({asked[0].why}): positions differ by"
+        text += f" at most {found.largest:.1e} diameters until {min(limits.horizon, float(limits.time[-1])):.4g} s"
+        return (
+            text if math.isinf(limits.horizon) else f"{text}; after that {after(plan, results, code, other)}"
+        )
     if found.parting is not None:
         return f"{one} and {two} separate earlier than rounding explains: {found.parting.sentence}"
     if found.vacuous:

@@ -146,6 +146,40 @@ def test_a_scene_that_the_other_code_cannot_state(compare):
     assert comparison.exit_code() == 0
 
 
+def test_a_code_without_forces_is_judged_by_its_motion(compare):
+    """Detects: a claim on forces that nobody wrote; an error where columns are missing."""
+
+    def bare(change):
+        code = beside(change)
+
+        def run(*arguments):
+            made = code.run(*arguments)
+            kept = {k: v for k, v in made.trace.items() if k not in ("force", "torque")}
+            return dataclasses.replace(made, trace=kept)
+
+        return dataclasses.replace(code, run=run)
+
+    assert "agree to rounding in the whole run" in compare(hit(), bare(lambda s: s))[0]
+    sentence, _ = compare(hit(), bare(lambda s: pair(s, friction=0.21)))
+    assert "motion in a contact between particle 1 and wall floor at 0.0016" in sentence
+    assert "forces are not written" in sentence
+
+
+def test_a_code_in_another_scheme_is_not_accused(compare):
+    """Detects: a code whose scheme differs, and that says so, called wrong."""
+
+    def run(scene, directory, options, progress, extra):
+        made = driver.simulate(scene, directory, threads=1, integrator="path", progress=progress)
+        return dataclasses.replace(
+            made, code="mine", scene=scene, notes={"scheme": "path", "time_step": 1e-5}
+        )
+
+    sentence, comparison = compare(hit(), Code("mine", "Mine", run))
+    assert "Mine and gpudem are not judged particle by particle (agreement step by step is" in sentence
+    assert "separate" not in sentence
+    assert comparison.exit_code() == 0
+
+
 def test_a_failed_code_is_an_error(compare):
     """Detects: a crash that is shown as agreement."""
 
