@@ -55,11 +55,14 @@ def _pair(plan: Plan, results: Results, checks: Sequence[CheckResult], code: str
     found = analysis.agreement(results, plan, code, other)
     asked = [c for c in checks if c.name.startswith(AGREEMENT) and c.needs == (code, other)]
     if asked and asked[0].status == "left_out" and not found.vacuous:
-        text = f"{one} and {two} are not judged particle by particle ({asked[0].why}): positions differ by"
-        text += f" at most {found.largest:.1e} diameters until {min(limits.horizon, float(limits.time[-1])):.4g} s"
-        return (
-            text if math.isinf(limits.horizon) else f"{text}; after that {after(plan, results, code, other)}"
+        end = min(limits.horizon, float(limits.time[-1]))
+        text = (
+            f"{one} and {two} are not judged particle by particle ({asked[0].why}): positions differ by at"
+            f" most {found.largest:.1e} diameters until {end:.4g} s"
         )
+        if math.isinf(limits.horizon):
+            return text
+        return f"{text}; after that {after(plan, results, code, other)}"
     if found.parting is not None:
         return f"{one} and {two} separate earlier than rounding explains: {found.parting.sentence}"
     if found.vacuous:
