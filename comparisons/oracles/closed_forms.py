@@ -7,6 +7,7 @@ dtau = sqrt(5)/2 x^(1/4) dt it reads y' = u, u' = -y - 2 b u, where u is the spe
 
 from __future__ import annotations
 
+import functools
 import math
 
 from scipy.integrate import quad
@@ -78,6 +79,7 @@ def restitution_to_put_in(wanted: float) -> float:
     return math.exp(-b / math.sqrt(1 - b * b) * math.pi)
 
 
+@functools.lru_cache(4096)
 def _integral(c: Bodies, limit_force: bool, power: int) -> float:
     """Integral of u^power dt over the contact, in scaled units; the end singularities y^(-1/5) are
     substituted away.

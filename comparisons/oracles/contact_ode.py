@@ -17,6 +17,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -64,7 +65,8 @@ class Phase:
     mode: str
     start: float
     end: float
-    solution: Callable[[float], np.ndarray]
+    solution: Callable[[Any], np.ndarray]
+    """State (11,) at a time, or (11, times)."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,6 +82,14 @@ class Contact:
         """Planar state at a time [s] since the first touch, 0 <= time <= duration."""
         phase = next((p for p in self.phases if time <= p.end), self.phases[-1])
         return phase.solution(time)
+
+    def states(self, times: np.ndarray) -> np.ndarray:
+        """Planar states (times, 11) at times [s] since the first touch."""
+        states = np.empty((len(times), len(self.final)))
+        index = np.searchsorted([p.end for p in self.phases[:-1]], times)  # of the first that ends not before
+        for k in np.unique(index):
+            states[index == k] = self.phases[k].solution(times[index == k]).T
+        return states
 
 
 class Chatter(ValueError):

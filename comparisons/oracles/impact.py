@@ -37,7 +37,7 @@ class Impact:
 
     def at(self, times: np.ndarray) -> dict[str, np.ndarray]:
         """Position [m], velocity [m/s], angular_velocity [rad/s], each (times, rows, 3)."""
-        moved = np.array([self._planar(t) for t in times])
+        moved = self._planar(times)
         n = len(self.rows)
         parts = [(Q1, V1, W1), (Q2, V2, W2)][:n]
         e1, e2, e3 = self.frame
@@ -52,17 +52,20 @@ class Impact:
         out["angular_velocity"] = np.stack([moved[:, w] for _, _, w in parts], axis=1)[..., None] * e3
         return out
 
-    def _planar(self, time: float) -> np.ndarray:
-        since = time - self.touch
-        if 0 <= since <= self.contact.duration:
-            return self.contact.state(since)
-        past, state = (
-            (since, self._at_touch()) if since < 0 else (since - self.contact.duration, self.contact.final)
-        )
-        state = state.copy()
-        state[Q1] += past * state[V1]
-        state[Q2] += past * state[V2]
-        return state
+    def _planar(self, times: np.ndarray) -> np.ndarray:
+        """Planar states (times, 11): free flight, the contact, free flight."""
+        since = np.asarray(times) - self.touch
+        before, after = since < 0, since > self.contact.duration
+        states = np.empty((len(since), len(self.contact.final)))
+        states[~before & ~after] = self.contact.states(since[~before & ~after])
+        for part, past, state in (
+            (before, since, self._at_touch()),
+            (after, since - self.contact.duration, self.contact.final),
+        ):
+            states[part] = state
+            states[part, Q1] += past[part, None] * state[V1]
+            states[part, Q2] += past[part, None] * state[V2]
+        return states
 
     def _at_touch(self) -> np.ndarray:
         return planar(self.frame, self.start["velocity"], self.start["angular_velocity"])

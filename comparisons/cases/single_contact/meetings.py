@@ -82,8 +82,12 @@ def expected(truth: Impact, limit_force: bool) -> dict[str, float]:
 
 def errors(results: Results, run: Run, meeting: Meeting) -> dict[str, float]:
     """Largest differences from the ODE over all steps: position / peak overlap, velocity and R x spin /
-    impact speed.
+    impact speed. Worked out once for each run: a check of each quantity and the figures ask for them.
     """
+    return results.once(("errors", run.directory, meeting), lambda: _errors(results, run, meeting))
+
+
+def _errors(results: Results, run: Run, meeting: Meeting) -> dict[str, float]:
     truth, trace = exact(results, run.scene, meeting), run.trace
     at = truth.at(trace["time"])
     radius = run.scene.state.radius[meeting.rows]
