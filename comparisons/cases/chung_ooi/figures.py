@@ -36,10 +36,10 @@ def force(test: Test, prefix: str, table: str) -> Figure:
             for code in ran:
                 time, deep, f = force_history(results, results[label, code], test, k)
                 inside = deep > 0
+                look = plots.line_or_marks(
+                    code, sum(inside), color=plots.color(code), label=plots.name(code), lw=1.8
+                )
                 for ax, x in zip(axes, (time, deep), strict=True):
-                    look = plots.style(
-                        code, markevery=None if code == "gpudem" else max(1, sum(inside) // 28)
-                    )
                     ax.plot(1e6 * x[inside], 1e-3 * f[inside], **look)
             truth = exact(results, results[label, ran[0]].scene, test.meetings()[k])
             since = np.linspace(0, truth.contact.duration, 200)
@@ -88,7 +88,7 @@ def restitution(test: Test, prefix: str) -> Figure:
     return Figure(
         f"Test {test.number}: restitution",
         "The restitution that comes out is the one put in, for both materials; the difference is the error of"
-        " the time step, the same in both codes.",
+        " the time step, which the codes have in common.",
         draw,
     )
 

@@ -101,10 +101,10 @@ def _figure(results: Results) -> plots.Figure:
     for law, slope in VARIANTS:
         for code in results.codes(label(law, slope)):
             run, axes = results[label(law, slope), code], right if slope else left
-            time, size = run.trace["time"], {} if code == "gpudem" else {"markersize": 3 + 3 * (law == "cdt")}
+            time, size = run.trace["time"], {"cdt": 6, "epsd2": 3}[law]
             for k in range(len(SHARES if slope else ROLLS)):
                 text = f"mu_r = {SHARES[k]:g} tan(slope)" if slope else f"mu_r = {ROLLS[k][1]:g}"
-                look = plots.line_or_marks(code, len(time), LAWS[law], color=plots.SERIES[k], **size)
+                look = plots.line_or_marks(code, len(time), LAWS[law], color=plots.SERIES[k], markersize=size)
                 axes.plot(time, speed(run, k), **look, label=text if look["linestyle"] == "-" else None)
                 if not slope:
                     u0, braking = ROLLS[k][0], expected(run, k)["deceleration"]
