@@ -186,7 +186,8 @@ def happens(
         )
 
     return build.per_code(
-        f"{name}: below {least:g}", measure, tolerance=0.0, unit=unit, against="what the scene is made for",
+        f"{name}: shortfall below {least:g}", measure, tolerance=0.0, unit=unit,
+        against="what the scene is made for",
         reason="an exact statement; otherwise the other checks of this scene show less than they say",
         catches=catches,
     )  # fmt: skip
