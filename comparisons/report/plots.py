@@ -178,17 +178,18 @@ def curves_and_differences(
     return fig, top, low
 
 
-def legend(axes: Axes, *, points: Sequence[str] = (), lines: Sequence[str] = (), **options: Any) -> None:
-    """A legend where something is labelled, each label once; below it, in black, how codes are drawn:
+def legend(*axes: Axes, points: Sequence[str] = (), lines: Sequence[str] = (), **options: Any) -> None:
+    """A legend where something is labeled, each label once; below it, in black, how codes are drawn:
     `points` of them by `marks`, `lines` by `line_or_marks`.
     """
     from matplotlib.lines import Line2D
 
-    handles = {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
     drawn = [(who, marks(who)) for who in points] + [(who, line_or_marks(who, 1)) for who in lines]
-    handles |= {name(who): Line2D([], [], color=INK, **look) for who, look in drawn}
-    if handles:
-        axes.legend(handles.values(), handles.keys(), **options)
+    for one in axes:
+        handles = {label: handle for handle, label in zip(*one.get_legend_handles_labels(), strict=True)}
+        handles |= {name(who): Line2D([], [], color=INK, **look) for who, look in drawn}
+        if handles:
+            one.legend(handles.values(), handles.keys(), **options)
 
 
 def work_precision(

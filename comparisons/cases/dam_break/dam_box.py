@@ -78,8 +78,7 @@ def _profiles(results: Results) -> plots.Figure:
         right.axvline(time, color="0.4", lw=0.9, ls=dash, label=f"far wall: {label}")
     left.set(xlabel="x [mm]", ylabel="height at rest [mm]")
     right.set(xlabel="time after the opening [s]", ylabel="center of the first ball [mm]", xlim=(-0.05, None))
-    plots.legend(left)
-    plots.legend(right)
+    plots.legend(left, right)
     return figure
 
 

@@ -32,8 +32,7 @@ def seed_profiles(results: Results) -> plots.Figure:
         low.plot(X, difference, color="0.2", label=f"{plots.name(a)} - {plots.name(b)}")
     top.set_ylabel("height [mm]")
     low.set(xlabel="x [mm]", ylabel="difference of means [mm]")
-    plots.legend(top)
-    plots.legend(low)
+    plots.legend(top, low)
     return figure
 
 
@@ -56,8 +55,7 @@ def gate_profiles(results: Results) -> plots.Figure:
         low.set_xlabel("x [mm]")
     axes[0, 0].set_ylabel("height [mm]")
     axes[1, 0].set_ylabel("difference [mm]")
-    plots.legend(axes[0, 0])
-    plots.legend(axes[1, 0])
+    plots.legend(axes[0, 0], axes[1, 0])
     return figure
 
 
@@ -75,8 +73,7 @@ def flow(results: Results) -> plots.Figure:
         low.axvline(time, color="0.4", lw=0.9, ls=dash, label=f"far wall: {label}")
     top.set_ylabel("kinetic energy [mJ]")
     low.set(xlabel="time after the opening [s]", ylabel="center of the first ball [mm]", xlim=(-0.05, None))
-    plots.legend(top)
-    plots.legend(low)
+    plots.legend(top, low)
     return figure
 
 

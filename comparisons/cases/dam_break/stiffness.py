@@ -222,8 +222,7 @@ def draw_choice(results: Results) -> plots.Figure:
         cost.loglog(ran, seconds, **look)
     error.set(ylabel="larger error of rebound and overlap at rest")
     cost.set(ylabel=f"dam break of {len(scene.state)} balls: seconds for 1 s")
-    plots.legend(error)
-    plots.legend(cost)
+    plots.legend(error, cost)
     for ax in (shift, error, cost):
         ax.set(xlabel="Young's modulus [Pa]", xlim=(6e4, 4e11))
     return figure

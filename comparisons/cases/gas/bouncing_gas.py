@@ -28,7 +28,7 @@ from comparisons.metrics import engines
 from comparisons.oracles import column
 from comparisons.report import plots
 from gpudem.output.run import Run
-from gpudem.scene import Contact, Domain, Lattice, Material, Output, Pair, Plane, Scene, Time
+from gpudem.scene import Contact, Domain, Lattice, Output, Pair, Plane, Scene, Time
 
 DIAMETER, GRAVITY, COUNT, CELLS, SPEED, STEPS = 2 * gases.RADIUS, 9.81, 392, 7, 1.0, 30
 #: Spheres per floor area of a square diameter; starts as a lattice eight layers high.
@@ -50,8 +50,7 @@ KINDS = {"lossy": 0.95, "elastic": 1.0}
 
 def scene(seed: int, restitution: float, contact_time: float, duration: float, output: Output) -> Scene:
     """Spheres with a linear spring over a floor, periodic sides; every contact lasts equally long."""
-    young, pitch = gases.spring_young(contact_time, SPEED), EDGE / CELLS
-    material = Material(young=young, poisson=gases.POISSON, density=gases.DENSITY)
+    material, pitch = gases.material(gases.spring_young(contact_time, SPEED)), EDGE / CELLS
     return Scene(
         name="bouncing_gas",
         materials={"ball": material, "floor": material},

@@ -26,7 +26,7 @@ from comparisons.harness.case import (
 from comparisons.oracles import gas
 from comparisons.report import plots
 from gpudem.output.run import Run
-from gpudem.scene import Contact, Material, Output, Pair, Scene, Time
+from gpudem.scene import Contact, Output, Pair, Scene, Time
 
 #: Volume fraction -> contact time [s], about a hundredth of the mean free time.
 FRACTIONS = {0.1: 1.2e-5, 0.2: 5e-6, 0.3: 2.5e-6}
@@ -51,7 +51,7 @@ def scene(count: int, phi: float, free_times: int) -> Scene:
     every = max(1, round(duration / step / (40 if early else 600))) * step
     return gases.gas_box(
         "elastic_gas", count, phi, 1,
-        materials={"ball": Material(young=young, poisson=gases.POISSON, density=gases.DENSITY)},
+        materials={"ball": gases.material(young)},
         pairs=[Pair(materials=("ball", "ball"))],
         contact=Contact(normal="hooke", characteristic_velocity=SPEED),
         time=Time(step=step, duration=duration),
@@ -231,8 +231,7 @@ def _figure(results: Results) -> plots.Figure:
             right.plot(time, energy(results, code, phi), line, color=plots.SERIES[k], lw=0.9, label=text)
     left.set(xlabel="volume fraction of equal hard spheres", ylabel="Z = p V/(N m T)")
     right.set(xlabel="time / mean free time", ylabel="energy / start - 1")
-    plots.legend(left)
-    plots.legend(right)
+    plots.legend(left, right)
     return figure
 
 

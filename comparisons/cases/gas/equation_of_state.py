@@ -14,7 +14,7 @@ from comparisons.harness.case import Case, Check, Figure, Measured, Results, Tab
 from comparisons.oracles import gas
 from comparisons.report import plots
 from gpudem.output.run import Run
-from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Scene, Time
+from gpudem.scene import Contact, Domain, Explicit, Output, Pair, Scene, Time
 
 DIAMETER = 2 * gases.RADIUS
 #: Area fractions of the disks and rho d^3 of the spheres by tier.
@@ -80,7 +80,7 @@ def scene(kind: Kind, value: float, tier: Tier) -> Scene:
     rate = gas.rate_of_pressure(kind.theory(value), DIAMETER, 1.0, kind.axes)
     step = 1 / rate
     sections: dict[str, Any] = {
-        "materials": {"ball": Material(young=1e9, poisson=gases.POISSON, density=gases.DENSITY)},
+        "materials": {"ball": gases.material(1e9)},
         "pairs": [Pair(materials=("ball", "ball"))],
         "contact": Contact(tangential="off"),
         "time": Time(step=step, duration=(settle + count) * step),
@@ -182,8 +182,7 @@ def _figure(results: Results) -> plots.Figure:
         right.plot(x, 100 * (z / [row["Z of theory"] for row in found] - 1), **look)
     left.set(xlabel="area or volume fraction", ylabel="Z = p V/(N m T)", yscale="log", ylim=(1, 20))
     right.set(xlabel="area or volume fraction", ylabel="Z / theory - 1 [%]", ylim=(-1, 2.5))
-    plots.legend(left)
-    plots.legend(right)
+    plots.legend(left, right)
     return figure
 
 

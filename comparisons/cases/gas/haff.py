@@ -24,7 +24,7 @@ from comparisons.harness.check_builders import per_pair
 from comparisons.oracles import gas
 from comparisons.report import plots
 from gpudem.output.run import Run
-from gpudem.scene import Material, Output, Pair, Scene, Time
+from gpudem.scene import Output, Pair, Scene, Time
 
 PHI, RESTITUTION = 0.1, 0.9
 DURATION, EVERY, EARLY_TIME, SETTLED = 0.03, 2e-4, 1.5e-3, 2e-3
@@ -38,7 +38,7 @@ TOLERANCE: dict[Tier, float] = {"quick": 0.10, "standard": 0.06, "full": 0.06}
 def scene(count: int, seed: int, young: float, step: float, duration: float, output: Output) -> Scene:
     return gases.gas_box(
         "haff", count, PHI, seed,
-        materials={"ball": Material(young=young, poisson=gases.POISSON, density=gases.DENSITY)},
+        materials={"ball": gases.material(young)},
         pairs=[Pair(materials=("ball", "ball"), restitution=RESTITUTION)],
         time=Time(step=step, duration=duration), output=output,
     )  # fmt: skip
@@ -137,8 +137,7 @@ def _figure(results: Results) -> plots.Figure:
     right.plot(time, line, "k", lw=0.9, label="Enskog")
     left.set(xlabel="time [s]", ylabel="T [m2/s2]", yscale="log")
     right.set(xlabel="time [s]", ylabel="T^(-1/2) [s/m]")
-    plots.legend(left)
-    plots.legend(right)
+    plots.legend(left, right)
     return figure
 
 

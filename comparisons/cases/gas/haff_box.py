@@ -25,7 +25,7 @@ from comparisons.harness.check_builders import per_pair
 from comparisons.metrics import engines
 from comparisons.report import plots
 from gpudem.output.run import Run
-from gpudem.scene import Box, Contact, Material, Output, Pair, Scene, Time
+from gpudem.scene import Box, Contact, Output, Pair, Scene, Time
 
 PHI, SPEED, STEPS = 0.1, 1.0, 30
 #: Nearly elastic, for Haff's law itself; and as dissipative as `haff`, so that soft spheres need few steps.
@@ -50,8 +50,7 @@ def scene(
     count: int, seed: int, restitution: float, contact_time: float, duration: float, output: Output
 ) -> Scene:
     """The gas with a linear spring through `hooke`, so that every contact lasts equally long."""
-    young = gases.spring_young(contact_time, SPEED)
-    material = Material(young=young, poisson=gases.POISSON, density=gases.DENSITY)
+    material = gases.material(gases.spring_young(contact_time, SPEED))
     return gases.gas_box(
         "haff_box", count, PHI, seed,
         materials={"ball": material, "wall": material},
@@ -192,8 +191,7 @@ def _cooling(results: Results) -> plots.Figure:
         time = runs[0].history["time"].to_numpy()
         plots.band(right, time, np.array([gases.temperature(run) ** -0.5 for run in runs]), code)
     right.set(xlabel="time [s]", ylabel="T^(-1/2) [s/m]")
-    plots.legend(left)
-    plots.legend(right)
+    plots.legend(left, right)
     return figure
 
 

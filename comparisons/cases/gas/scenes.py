@@ -9,7 +9,7 @@ import numpy as np
 
 from comparisons.oracles import linear
 from gpudem.output.run import Run
-from gpudem.scene import Domain, Lattice, Scene
+from gpudem.scene import Domain, Lattice, Material, Scene
 
 RADIUS, DENSITY, POISSON = 1e-3, 2500.0, 0.3
 MASS = DENSITY * 4 / 3 * math.pi * RADIUS**3
@@ -29,6 +29,11 @@ def spring_young(contact_time: float, speed: float) -> float:
     """Young's modulus [Pa] that makes `hooke` at this characteristic velocity a spring of that stiffness."""
     star = linear.young_star(stiffness(contact_time), RADIUS / 2, MASS / 2, speed)
     return 2 * (1 - POISSON**2) * star
+
+
+def material(young: float) -> Material:
+    """The material of all gases, with a Young's modulus [Pa]."""
+    return Material(young=young, poisson=POISSON, density=DENSITY)
 
 
 def gas_box(name: str, count: int, phi: float, seed: int, **sections: Any) -> Scene:

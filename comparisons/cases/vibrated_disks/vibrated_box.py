@@ -233,8 +233,7 @@ def _energies(results: Results) -> plots.Figure:
     right.axhline(COUNT * GRAVITY * FLOOR_SPEED, color="k", lw=0.9, label="N m g U")
     left.set(xlabel="time [s]", ylim=(0, 0.6))
     right.set(xlabel="time [s]", ylabel="mean power since the start [W]", ylim=(30, 80))
-    plots.legend(left)
-    plots.legend(right)
+    plots.legend(left, right)
     return figure
 
 
