@@ -18,6 +18,7 @@ from comparisons.harness import codes
 from comparisons.harness.case import Finding, Measured, Results, Table, Unmeasured
 from comparisons.metrics import law_on_states as states
 from comparisons.metrics.law_on_states import Touch
+from gpudem.errors import GpudemError
 from gpudem.output.run import Run
 from gpudem.scene import Scene
 from reference.process import contacts
@@ -80,12 +81,15 @@ class Verdict:
 
 
 def verdicts(results: Results, code: str) -> list[Verdict]:
-    """One for each scene that a code ran, at all its time steps."""
+    """One for each scene that a code ran, at all its time steps. Raises Unmeasured: a run failed."""
 
     def found() -> list[Verdict]:
         groups: dict[str, list[tuple[str, Run]]] = {}
-        for label, run in results.of(code):
-            groups.setdefault(_physics(run.scene), []).append((label, run))
+        try:
+            for label, run in results.of(code):
+                groups.setdefault(_physics(run.scene), []).append((label, run))
+        except GpudemError as error:
+            raise Unmeasured(str(error)) from None
         return [_verdict(sorted(group, key=_step)) for group in groups.values()]
 
     return results.once(("attribution", code), found)

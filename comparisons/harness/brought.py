@@ -84,9 +84,13 @@ def _known(results: Results, code: str) -> list[attribution.Verdict]:
         return []
 
 
-def not_written(error: KeyError, runs: Mapping[Key, Run]) -> str:
-    """What to say where a measure asked for a column that a code does not write; empty for another error."""
+def not_written(error: KeyError, runs: Mapping[Key, Run], failed: Mapping[Key, str]) -> str:
+    """What to say where a measure asked for a column that a code does not write, or for a failed run of a
+    code that a user brought; empty for another error.
+    """
     name = error.args[0] if error.args else None
+    if name in failed and codes.brought(name[1]):
+        return f"{codes.title(name[1])} failed on {name[0]}"
     for (_, code), run in runs.items():
         if name in run.notes.get("not_written", ()):
             return f"{codes.title(code)} does not write {name}"

@@ -190,7 +190,7 @@ class Evaluation:
 
     def _without(self, error: Exception) -> tuple[Any, str]:
         """(status, why) where an exception ended a measure, such as a column that a code does not write."""
-        why = brought.not_written(error, self.runs) if isinstance(error, KeyError) else ""
+        why = brought.not_written(error, self.runs, self.failed) if isinstance(error, KeyError) else ""
         return ("left_out", why) if why else ("error", describe(error))
 
     def _results(self, needs: tuple[str, ...]) -> Results:

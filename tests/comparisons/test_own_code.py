@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from comparisons.harness import attribution, brought, codes
-from comparisons.harness.case import Results
+from comparisons.harness.case import Results, Table
 from comparisons.harness.discover import find_cases
 from comparisons.harness.evaluate import Evaluation
 from comparisons.harness.results import CheckResult
@@ -182,7 +182,23 @@ def test_column_that_is_not_written_is_left_out(ours, tmp_path):
     found = step_by_step(evaluation)
     assert (found["force"].status, found["force"].why) == ("left_out", "my_dem does not write force")
     assert found["position"].status == "pass"
-    assert brought.not_written(KeyError("another"), evaluation.runs) == ""
+    assert brought.not_written(KeyError("another"), evaluation.runs, {}) == ""
+
+
+def test_figure_of_a_failed_run_is_left_out(ours, tmp_path):
+    """Detects a failed run of a user's code that breaks figures and tables of the other codes."""
+    evaluation = evaluated(ours, tmp_path, "", "head_on", rungs=1)
+    (label,) = {label for label, _ in evaluation.runs}
+    del evaluation.runs[label, NAME]
+    evaluation.failed[label, NAME] = "status 3"
+
+    def of_all(results: Results):
+        return [results[label, code] for code in CODES]
+
+    table = evaluation.table(Table("t", "c", of_all), tmp_path, 1)  # type: ignore[arg-type]
+    assert (table.status, table.why) == ("left_out", f"my_dem failed on {label}")
+    differs = evaluation.table(attribution.tables((NAME,))[0], tmp_path, 2)
+    assert (differs.status, differs.why) == ("left_out", f"my_dem failed on {label}: status 3")
 
 
 def test_missed_steps_of_a_contact_are_of_the_list(ours, tmp_path):
