@@ -52,3 +52,12 @@ def test_the_first_runs_beside_the_other_codes():
     with pytest.raises(ValueError, match="gpudem mixed"):
         PRECISIONS.variants("bed", fake.scene(), PRECISIONS.own[1:])
     assert Configuration("gpudem").key("bed") == ("bed", "gpudem")
+
+
+def test_timed_runs_are_on_so_many_cores_and_live():
+    """Catches a timing on all cores, of a recorded run, or beside other runs."""
+    variants = Configurations(*precisions(), timed_on=2).variants("bed", fake.scene())
+    assert all(variant.timed for variant in variants)
+    assert variants[0].options["liggghts"] == {"ranks": 2, "use_recorded": False}
+    assert variants[1].options == {"gpudem": {"threads": 2, "precision": "mixed"}}
+    assert not any(variant.timed for variant in PRECISIONS.variants("bed", fake.scene()))

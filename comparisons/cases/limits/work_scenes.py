@@ -1,8 +1,7 @@
-"""Error against run time on many contacts at once: the scenes, a run's error, the time that an error costs.
+"""Error against run time of many simultaneous contacts: the scenes, the error of a run, the cost of an error.
 
-Pairs of equal spheres meet under the same angle but at other moments within a step; each pair's motion is
-that of the oracle's one pair, shifted in time. Stepping time is arithmetic where thousands of contacts share
-a run.
+Pairs of equal spheres meet at the same angle and at other phases of a step; each pair moves as
+the oracle's one pair, shifted in time. With thousands of contacts in a run, stepping time is arithmetic.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ RADIUS, SPEED, SLIDE = 0.003, 1.0, 0.6
 #: Restitution of the groups; every pair belongs to one.
 GROUPS = (0.3, 0.5, 0.9, 1.0)
 BALL = {"young": 5e6, "poisson": 0.34, "density": 1768.0}
-#: Snapshots in a contact at which runs are held against the oracle; every ladder step divides this interval.
+#: Snapshots in a contact at which runs are compared with the oracle; every time step divides this interval.
 SNAPSHOTS = 10
 #: Length of a run in elastic contact times: the longest damped contact (e = 0.3) takes 1.2 of them.
 LENGTH = 1.5
@@ -32,7 +31,7 @@ LENGTH = 1.5
 
 @dataclasses.dataclass(frozen=True)
 class Kind:
-    """A family of contacts: what is asked of the law."""
+    """A family of contacts and the law that they use."""
 
     title: str
     slide: float
@@ -132,10 +131,10 @@ def errors(results: Results, run: Run, kind: str) -> np.ndarray:
 
 
 def cost_of(target: float, error: np.ndarray, cost: np.ndarray) -> float:
-    """Cost (time or steps) at which the error falls to `target`, between rungs by straight lines in log-log.
+    """Cost (time or steps) at which the error falls to `target`, interpolated linearly in log-log.
 
-    Rungs in order of rising cost. NaN where the ladder never reaches it; the first rung's cost (a bound from
-    above) where it is already below.
+    Points in order of rising cost. NaN where none reaches the target; the first cost (an upper bound) where
+    the first error is already below it.
     """
     above = np.flatnonzero(error > target)
     if not len(above):

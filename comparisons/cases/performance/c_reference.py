@@ -1,4 +1,4 @@
-"""What an event costs: the three rungs of the ladder, and the engine beside the same algorithm in plain C.
+"""What an event costs: the three search methods, and the engine beside the same algorithm in plain C.
 
 All in turn on this machine, in this run, on one core; start-up, compiling, reading and placing do not count.
 """
@@ -92,7 +92,7 @@ def engine_run(start: HardSphereProblem, until: float, search: Search = "tree") 
 
 
 def same_sequence(count: int = 30, collisions: int = 200) -> dict[Search, list[tuple[int, int]]]:
-    """The first collisions by each search: who met whom, the lower number first."""
+    """The first collisions by each search: the two particles, the lower number first."""
     start, found = problem(count), {}
     for search in SEARCHES:
         engine = Engine(start, log=collisions, search=search)
@@ -190,7 +190,7 @@ def beside_c(plan: dict[int, tuple[float, int]]) -> tuple[str, dict[int, list[tu
         for n, (until, repeats) in plan.items():
             start, found[n] = problem(n), []
             path = reference.write(start)
-            for k in range(repeats):  # who goes first takes turns as well
+            for k in range(repeats):  # the order alternates as well
                 if k % 2:
                     c, own = reference.run(path, until), engine_run(start, until)
                 else:
