@@ -71,7 +71,9 @@ CASE = Case(
     variants=variants,
     checks=(
         *step_by_step({"across_z": ON_THE_PLANE}, CATCHES),
-        build.per_pair(NAME, turned_back, tolerance=1e-10, reason=REASON, catches=CATCHES),
+        build.per_pair(
+            NAME, turned_back, tolerance=1e-10, reason=REASON, catches=CATCHES, half_step=True
+        ),
         PerCode(against_itself),
         *against_ode(ALL, CATCHES),
     ),
