@@ -7,6 +7,7 @@ another radius for each ratio of step and Rayleigh time, none of which touches a
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
@@ -188,6 +189,7 @@ def contact_time(spot: Spot, normal: str) -> float:
     return elastic_contact_time(c, IMPACT)
 
 
+@functools.lru_cache(4096)
 def limit(spot: Spot, normal: str) -> float:
     """Closed form of the largest stable step of a contact or column at rest / Rayleigh time."""
     floor, speed, rayleigh = spot.bodies(), _characteristic_velocity(normal), STEP / spot.share

@@ -176,7 +176,13 @@ def bracket(results: Results, row: str, by: str, worst: int) -> tuple[float, flo
 
 
 def _row(results: Results, row: str, by: str) -> list[Point]:
-    return sorted((p for p in points(results) if (p.row, p.by) == (row, by)), key=lambda p: p.share)
+    def grouped() -> dict[tuple[str, str], list[Point]]:
+        found: dict[tuple[str, str], list[Point]] = {}
+        for p in sorted(points(results), key=lambda p: p.share):
+            found.setdefault((p.row, p.by), []).append(p)
+        return found
+
+    return results.once("points by row", grouped).get((row, by), [])
 
 
 def rows(results: Results) -> dict[str, Point]:
