@@ -16,8 +16,8 @@ from comparisons.cases.single_contact.meetings import Meeting
 from gpudem.scene import Box, Domain, Explicit, Material, Output, Pair, Plane, Scene, Side, Solver, Time
 
 RADIUS, PARTNER_RADIUS, SPACING = 0.003, 0.004, 0.03
-#: Time step [s], and time of the first touch: within a step, not at its end.
-STEP, FLIGHT = 2e-7, 6.5e-6
+#: Time step [s], and time of the first touch: within a step, and within half a step, not at its end.
+STEP, FLIGHT = 2e-7, 6.46e-6
 FRICTION = 0.3
 BALL = Material(young=3.25e9, poisson=0.34, density=1768.0)
 WALL = Material(young=3.2e9, poisson=0.37, density=1185.0)
