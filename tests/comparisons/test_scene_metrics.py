@@ -51,10 +51,9 @@ def test_growth_of_a_rounding_difference():
 
 def test_an_envelope_never_falls_and_keeps_its_floor():
     """Detects: a difference that happens to pass through zero and then accuses another code."""
-    found = growth.running_envelope(
-        [np.array([0.0, 2.0, 1.0]), np.array([0.0, 1.0, 1.5])], np.array([1.0, 1.0, 3.0])
-    )
-    assert found.tolist() == [1.0, 2.0, 3.0]
+    runs = [np.array([0.0, 2.0, 1.0, 0.0]), np.array([0.0, 1.0, 1.5, 0.0])]
+    found = growth.running_envelope(runs, np.array([1.0, 1.0, 1.0, 3.0]))
+    assert found.tolist() == [1.0, 2.0, 2.0, 3.0]
 
 
 def test_what_is_not_a_number_is_beyond():
