@@ -37,17 +37,24 @@ class Runs(dict[Key, Run]):
     """
 
     def __init__(
-        self, runs: dict[Key, Run], failed: dict[Key, str], absent: dict[Key, str], unstated: dict[Key, str]
+        self,
+        runs: dict[Key, Run],
+        failed: dict[Key, str],
+        absent: dict[Key, str],
+        unstated: dict[Key, str],
+        unneeded: dict[Key, str] | None = None,
     ):
+        """`unneeded`: runs of missing codes without which all are whole; asked for, they are left out."""
         super().__init__(runs)
         self.failed, self.absent, self.unstated = failed, absent, unstated
+        self.unneeded = unneeded or {}
 
     def __missing__(self, key: Key) -> Run:
         code, variant = codes.title(key[1]), key[0]
         if key in self.failed:
             raise RunFailed(f"{code} failed on {variant}: {self.failed[key]}")
-        if key in self.absent:
-            raise Unmeasured(f"needs {code} on {variant}: {self.absent[key]}")
+        if key in self.absent or key in self.unneeded:
+            raise Unmeasured(f"needs {code} on {variant}: {(self.unneeded | self.absent)[key]}")
         if key in self.unstated:
             raise Unmeasured(f"{code} cannot be given {variant}: {self.unstated[key]}")
         raise KeyError(key)
@@ -198,7 +205,7 @@ class Evaluation:
             {key: why for key, why in of.items() if key[1] in needs} for of in (self.failed, self.absent)
         )
         left_out = {**self.unstated, **self.absent}
-        runs = Runs(self.runs, failed, absent, self.unstated)
+        runs = Runs(self.runs, failed, absent, self.unstated, self.absent)
         return Results(self.tier, runs, self._cache, self.ended, left_out, self.failed)
 
     def _missing(self, item: Check | Finding | Figure | Table) -> tuple[Any, str]:

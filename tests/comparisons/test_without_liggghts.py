@@ -83,6 +83,14 @@ def test_a_measure_that_looks_whether_there_is_a_run_is_left_out_too():
     assert runs.get(("w", "liggghts")) is None
 
 
+def test_a_figure_that_finds_a_run_of_a_missing_code_which_it_does_not_name_is_left_out():
+    """Would detect: an error of a figure of all codes, where one is missing on some variants only."""
+    runs = Runs({}, failed={}, absent={}, unstated={}, unneeded={("v", "liggghts"): INSTALL})
+    assert list(runs) == []
+    with pytest.raises(Unmeasured, match="install it"):
+        runs["v", "liggghts"]
+
+
 def test_every_deck_of_the_quick_tier_has_a_record():
     """To renew after a change of a scene or of the deck: python tools/record_liggghts.py."""
     path = ROOT / "tools" / "record_liggghts.py"
