@@ -159,7 +159,7 @@ BAD = {
     "folder not empty": (["compare", "--out", "."], "not empty; runs never overwrite"),
     "folder is a file": (["compare", "--out", "scene.toml"], "scene.toml: cannot write there"),
     "no such scene": (["validate", "gone.toml"], "gone.toml"),
-    "no such results": (["report", "gone"], "gone/results.json: cannot read"),
+    "no such results": (["report", "gone"], "gone: results.json is missing"),
     "no such command": (["simulate"], "No such command 'simulate'"),
     "no scene": (["run"], "Missing argument 'SCENE'"),
 }

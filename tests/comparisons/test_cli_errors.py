@@ -158,7 +158,7 @@ BAD = {
     "no such place": (["run", "scene.toml", "--out", "/proc/nobody/r"], 2, "cannot write there"),
     "compare": (["compare", "--out", "/proc/nobody/r"], 2, "cannot write there"),
     "resume a file": (["resume", "scene.toml"], 2, "no such file"),
-    "report of a file": (["report", "scene.toml"], 2, "cannot read"),
+    "report of a file": (["report", "scene.toml"], 2, "scene.toml: results.json is missing"),
     "scene is a folder": (["deck", "."], 2, ""),
     "animate nothing": (["animate", "."], 2, "scene.json"),
 }

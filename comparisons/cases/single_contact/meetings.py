@@ -84,7 +84,8 @@ def errors(results: Results, run: Run, meeting: Meeting) -> dict[str, float]:
     """Largest differences from the ODE over all steps: position / peak overlap, velocity and R x spin /
     impact speed. Worked out once for each run: a check of each quantity and the figures ask for them.
     """
-    return results.once(("errors", run.directory, meeting), lambda: _errors(results, run, meeting))
+    key = ("errors", run.code, run.directory, run.scene.hash, meeting)  # runs in memory have no directory
+    return results.once(key, lambda: _errors(results, run, meeting))
 
 
 def _errors(results: Results, run: Run, meeting: Meeting) -> dict[str, float]:
