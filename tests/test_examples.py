@@ -1,28 +1,18 @@
-"""The README's scene, in TOML and in Python, is what examples/ holds, is one scene, and runs."""
+"""The example in TOML and in Python is one scene, and runs; so does what README shows."""
 
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+from comparisons.cli import app
 from gpudem.scene import Scene
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = ROOT / "examples"
-
-
-def block(language: str) -> str:
-    """The README's only code block in a language."""
-    blocks = re.findall(rf"```{language}\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
-    assert len(blocks) == 1
-    return blocks[0]
-
-
-def test_readme_shows_the_files() -> None:
-    assert block("toml") == (EXAMPLES / "drop.toml").read_text()
-    assert block("python") == (EXAMPLES / "drop.py").read_text()
 
 
 def test_both_state_one_scene() -> None:
@@ -59,21 +49,23 @@ def test_vibrated_box_runs(tmp_path: Path) -> None:
     assert (tmp_path / "runs" / "vibrated_box" / "run.pvd").is_file()
 
 
-def test_readme_shows_real_messages(tmp_path: Path) -> None:
-    """The error message in the README is what the program says."""
-    text = (EXAMPLES / "drop.toml").read_text()
-    text = text.replace("young = 3.25e7", "young = 3.25").replace(
-        '"polystyrene"\n\n[[walls]]', '"acryl"\n\n[[walls]]'
-    )
-    text = text.replace("duration = 0.3", "duration = 0.3\ndurration = 1")
-    (tmp_path / "scene.toml").write_text(text)
-    done = subprocess.run(
-        [sys.executable, "-m", "comparisons", "validate", str(tmp_path / "scene.toml")],
-        cwd=ROOT, capture_output=True, text=True,
-    )  # fmt: skip
-    assert done.returncode == 2
-    shown = re.search(
-        r"\$ gpudem validate scene.toml\n(.*?)\n\n", (ROOT / "README.md").read_text(), re.DOTALL
-    )
-    expected = re.sub(r"^    ", "", shown[1], flags=re.MULTILINE)
-    assert done.stderr.strip() == expected.replace("scene.toml", str(tmp_path / "scene.toml")).strip()
+def test_readme_runs(tmp_path: Path) -> None:
+    """The Python block of README, from the root of a checkout."""
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    assert len(blocks) == 1
+    shutil.copytree(EXAMPLES, tmp_path / "examples")
+    program = f"import sys; sys.path.insert(0, {str(ROOT)!r})\n{blocks[0]}"
+    done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.splitlines()) == 2
+    assert (tmp_path / "runs" / "drop" / "run.pvd").is_file()
+
+
+def test_readme_names_what_there_is() -> None:
+    """Catches commands, targets and files that README names and that are gone."""
+    text = (ROOT / "README.md").read_text()
+    targets = re.findall(r"^([a-z-]+):.*##", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert set(re.findall(r"make ([a-z-]+)", text)) <= set(targets)
+    assert all((ROOT / path).exists() for path in re.findall(r"\]\(([^):]+)\)", text))
+    commands = {name for name in re.findall(r"gpudem ([a-z]+) ", text) if name != "run"}
+    assert {"compare", "diff"} <= commands <= set(app.commands)

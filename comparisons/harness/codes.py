@@ -37,6 +37,10 @@ def _gpudem(
     return driver.simulate(scene, directory, progress=progress, **arguments)
 
 
+def _threads(cores: int) -> dict[str, Any]:
+    return {"threads": cores}
+
+
 def _event_driven(
     scene: Scene, directory: Path, options: Options, progress: Progress, extra: dict[str, Any]
 ) -> Run:
@@ -58,7 +62,7 @@ def register(code: Any) -> None:
 
 def _register_all() -> None:
     style = {"color": "#0072b2", "linestyle": "-", "linewidth": 1.8, "zorder": 3}
-    register(Code("gpudem", "gpudem", _gpudem, on_cores=lambda cores: {"threads": cores}, style=style))
+    register(Code("gpudem", "gpudem", _gpudem, on_cores=_threads, style=style))
     for module in pkgutil.iter_modules(reference.__path__):
         if module.ispkg and importlib.util.find_spec(f"reference.{module.name}.code"):
             register(importlib.import_module(f"reference.{module.name}.code").CODE)

@@ -30,9 +30,13 @@ def _missing() -> str:
     return ""
 
 
+def _ranks(cores: int) -> dict[str, Any]:
+    return {"ranks": cores, "use_recorded": False}
+
+
 CODE = Code(
     name="liggghts", title="LIGGGHTS", run=_run, role="reference", unit="rank", missing=_missing,
-    on_cores=lambda cores: {"ranks": cores, "use_recorded": False},
+    on_cores=_ranks,
     style={
         "color": "#d55e00", "linestyle": "none", "marker": "o", "markersize": 4.5,
         "markerfacecolor": "none", "markeredgewidth": 1.2, "zorder": 4,

@@ -184,3 +184,11 @@ def test_untimed_timing_still_says_what_ran():
 
 def test_variants_are_not_timed_unless_they_say_so():
     assert Variant("v", fake.scene()).timed is False
+
+
+@pytest.mark.parametrize("name", ["gpudem", "liggghts", "event_driven"])
+def test_the_codes_can_be_sent_to_other_processes(name, tmp_path):
+    """Catches a code with a closure, whose runs would all be done in the parent, one after another."""
+    options = codes.Options()
+    job = jobs.Job(("case", "variant", name), fake.scene(), codes.CODES[name], tmp_path, options, {})
+    assert job.can_be_sent()

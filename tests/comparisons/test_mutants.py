@@ -476,3 +476,9 @@ def test_recording_some_mutants_replaces_their_rows_only(tmp_path, monkeypatch):
     data = json.loads(path.read_text())
     assert data["mutants"] == [{"name": first, "outcome": "caught"}, rows[0]]
     assert (data["provenance"], data["seconds"]) == ({"date": "d"}, 60)
+
+
+def test_every_mutation_is_recorded_as_caught():
+    """Catches a new or changed mutation that was not run, and one that no test detects."""
+    measured = {f.__name__: f({}) for f in (case.not_recorded, case.survivors, case.unknown)}
+    assert {name: found.note for name, found in measured.items() if found.value != 0} == {}
