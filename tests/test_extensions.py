@@ -23,6 +23,8 @@ from gpudem.walls.registry import WallKind
 from reference.liggghts import deck
 from reference.liggghts.errors import LiggghtsCannotState
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).parents[1]
 
 #: A package of somebody else: a linear spring with a dashpot of its own, k [N/m] and c [N s/m] as stated.

@@ -13,6 +13,8 @@ import pytest
 
 from tests.conftest import machine
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).parents[1]
 #: A worker: holds the lock from when it says so until it is asked to end.
 WORKER = """

@@ -22,6 +22,8 @@ from gpudem.errors import GpudemError
 from tests.comparisons.test_cli import ROOT, SCENE
 from tests.test_atomic import disk_full
 
+pytestmark = pytest.mark.long
+
 OUTPUT = "[output]\nframes_every = 1e-4\nhistory_every = 1e-4\nrestart_every = 1e-4\n"
 
 

@@ -19,6 +19,8 @@ from gpudem.output.archive import ArchiveError, read_npz
 from gpudem.output.atomic import write_text
 from tests.comparisons.test_report import Page
 
+pytestmark = pytest.mark.long
+
 #: Stands in a file outside of the folder, and in nothing that may be shown.
 SECRET = "the-secret-of-somebody-else"
 

@@ -18,6 +18,8 @@ from comparisons.harness.case import Check, Variant
 from gpudem.errors import GpudemError
 from tests.comparisons import fake, waiting_codes
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).parents[2]
 
 

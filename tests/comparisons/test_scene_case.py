@@ -20,6 +20,8 @@ from gpudem.scene import Scene
 from reference.code import Code
 from reference.errors import CannotState, CodeMissing
 
+pytestmark = pytest.mark.long
+
 SCENES = Path(__file__).parent / "scenes"
 
 

@@ -18,6 +18,8 @@ from gpudem.solver.spec import Spec
 from tests.gpudem.beds import falling_bed, finish, same
 from tests.gpudem.test_restart import stopped_and_resumed
 
+pytestmark = pytest.mark.long
+
 SPEED, MEETING, RADIUS = 0.4, 0.7, 0.01
 
 

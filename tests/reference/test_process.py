@@ -25,6 +25,8 @@ from reference.errors import CannotState, CodeTimeout
 from reference.process import contacts, contract, statement, states
 from reference.process.runner import CommandFailed, Process, code_of
 
+pytestmark = pytest.mark.long
+
 MATERIALS = {
     "ball": Material(young=1e7, poisson=0.3, density=2500),
     "wall": Material(young=2e7, poisson=0.2, density=1200),
