@@ -40,6 +40,10 @@ def no_options(cores: int) -> dict[str, Any]:
     return {}
 
 
+#: (scene, directory, options, progress, keyword arguments of the variant) -> run.
+RunFunction = Callable[[Scene, Path, Options, Progress, dict[str, Any]], Run]
+
+
 def never_missing() -> str:
     """For a code that is always at hand."""
     return ""
@@ -53,7 +57,7 @@ class Code:
     """As in `--codes`; lower-case letters, digits and `_`."""
     title: str
     """The name people know it by."""
-    run: Callable[[Scene, Path, Options, Progress, dict[str, Any]], Run]
+    run: RunFunction
     """(scene, directory, options, progress, keyword arguments of the variant) -> run.
 
     Raises CodeMissing, CannotState or CodeTimeout of `reference.errors` for these, another GpudemError for

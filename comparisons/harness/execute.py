@@ -294,7 +294,8 @@ class Session:
         name = case.case.name
         made = [
             jobs.Job(
-                (name, variant.label, code), variant.scene, codes.CODES[code],
+                (name, variant.label, code), f"{name} {variant.label} {codes.title(code)}",
+                variant.scene, codes.CODES[code].run,
                 self.directory / name / variant.label / code, self.options, variant.options.get(code, {}),
             )
             for variant in variants

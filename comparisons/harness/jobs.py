@@ -24,7 +24,7 @@ from gpudem.errors import GpudemError
 from gpudem.output.run import Run
 from gpudem.scene import Scene
 from gpudem.solver.device import find_device
-from reference.code import Code, Options
+from reference.code import Options, RunFunction
 from reference.errors import CannotState, CodeMissing, CodeTimeout
 
 #: (case, variant, code).
@@ -52,22 +52,20 @@ class Job:
     """What to run; all of it can be pickled if the code's function can."""
 
     key: Key
+    title: str
+    """For progress: "case variant code"."""
     scene: Scene
-    code: Code
+    run: RunFunction
+    """Of its code; nothing else of the code is sent."""
     directory: Path
     options: Options
     extra: dict[str, Any]
     """Keyword arguments of the code's run function, of the variant."""
 
-    @property
-    def title(self) -> str:
-        """For progress: "case variant code"."""
-        return f"{self.key[0]} {self.key[1]} {self.code.title}"
-
     def can_be_sent(self) -> bool:
         """Whether another process can be given it: a code made of a closure can run in this one only."""
         try:
-            pickle.dumps((self.code, self.extra))
+            pickle.dumps((self.run, self.extra))
         except (pickle.PicklingError, AttributeError, TypeError):
             return False
         return True
@@ -101,7 +99,7 @@ def perform(job: Job, tell: Callable[[Message], None] | None = None) -> Outcome:
         facts = {"state_hash": provenance.state_hash(job.scene), "seed": provenance.seed(job.scene)}
         tell((job.key, (job.title, len(job.scene.state), job.scene.n_steps)))
         job.directory.mkdir(parents=True)
-        run = job.code.run(job.scene, job.directory, job.options, progress, job.extra)
+        run = job.run(job.scene, job.directory, job.options, progress, job.extra)
     except Exception as error:
         wall, text = time.monotonic() - began, traceback.format_exc()
         return Outcome(_end(error), wall, why=describe(error), traceback=text, **facts)

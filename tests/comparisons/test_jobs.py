@@ -190,7 +190,9 @@ def test_variants_are_not_timed_unless_they_say_so():
 
 @pytest.mark.parametrize("name", ["gpudem", "liggghts", "event_driven"])
 def test_the_codes_can_be_sent_to_other_processes(name, tmp_path):
-    """Catches a code with a closure, whose runs would all be done in the parent, one after another."""
+    """Catches a run function that is a closure: its runs would be done in the parent, one after another."""
     options = codes.Options()
-    job = jobs.Job(("case", "variant", name), fake.scene(), codes.CODES[name], tmp_path, options, {})
+    job = jobs.Job(
+        ("case", "variant", name), "title", fake.scene(), codes.CODES[name].run, tmp_path, options, {}
+    )
     assert job.can_be_sent()
