@@ -38,6 +38,9 @@ EVERY = 0.2
 #: Seconds that a worker has for ending its run in order before it is killed; LIGGGHTS is given 2 s twice.
 GRACE = 8.0
 
+#: Seconds between two requests to end.
+ASK_EVERY = 0.5
+
 #: How a job can end without a run: the code is not on this machine, cannot be given the scene, was stopped
 #: after its time, gave up with an error of ours, or failed otherwise.
 End = Literal["ok", "missing", "cannot_state", "timeout", "gave_up", "failed"]
@@ -171,13 +174,18 @@ def _listen(channel: Any, over: threading.Event, display: Display) -> None:
 
 
 def _stop(workers: list[Any]) -> None:
-    """Ask all to end, wait, kill those that do not; a second Ctrl-C kills at once."""
+    """Ask all to end until they do, kill those that do not; a second Ctrl-C kills at once.
+
+    Once is not enough: a signal that comes while the main thread has another one to handle may be given to
+    another thread of the worker, and a main thread that waits for a child then hears nothing of it.
+    """
     try:
-        for worker in workers:
-            worker.terminate()
         deadline = time.monotonic() + GRACE
-        for worker in workers:
-            worker.join(max(0.0, deadline - time.monotonic()))
+        while any(worker.is_alive() for worker in workers) and time.monotonic() < deadline:
+            for worker in workers:
+                worker.terminate()
+            for worker in workers:
+                worker.join(ASK_EVERY)
     finally:
         for worker in workers:
             if worker.is_alive():
@@ -214,6 +222,7 @@ def _silent_stderr() -> Iterator[None]:
 
 
 def _leave(number: int, frame: Any) -> None:
+    signal.signal(number, signal.SIG_IGN)  # the run ends in order: further requests must not break that off
     raise SystemExit(128 + number)
 
 
@@ -222,8 +231,10 @@ def _follow_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
-        os.kill(os.getpid(), signal.SIGTERM)
-        time.sleep(GRACE)
+        deadline = time.monotonic() + GRACE
+        while time.monotonic() < deadline:
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(ASK_EVERY)
         os._exit(1)
 
 

@@ -196,3 +196,25 @@ def test_the_codes_can_be_sent_to_other_processes(name, tmp_path):
         ("case", "variant", name), "title", fake.scene(), codes.CODES[name].run, tmp_path, options, {}
     )
     assert job.can_be_sent()
+
+
+def test_a_worker_that_misses_a_request_to_end_is_asked_again(monkeypatch):
+    """Catches a worker killed for one lost signal: the child of its run would go on without it."""
+    monkeypatch.setattr(jobs, "ASK_EVERY", 0.0)
+    said = []
+
+    class Worker:
+        def is_alive(self):
+            return said.count("end") < 2
+
+        def terminate(self):
+            said.append("end")
+
+        def kill(self):
+            said.append("kill")
+
+        def join(self, seconds):
+            assert seconds <= jobs.GRACE
+
+    jobs._stop([Worker()])
+    assert said == ["end", "end"]
