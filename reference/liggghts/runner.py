@@ -28,6 +28,8 @@ FAREWELL = 20.0
 TICK = 0.1
 #: Memory is read from the system at most this often [s].
 MEMORY_EVERY = 0.05
+#: At the start it is read as soon as this share of the time of the run so far has passed.
+MEMORY_SHARE = 0.02
 
 
 @dataclasses.dataclass(frozen=True)
@@ -199,13 +201,14 @@ class _Memory:
 
     def __init__(self, pid: int, ranks: int):
         self._pid, self._ranks, self._peaks, self._next = pid, ranks, {}, 0.0
+        self._began = time.monotonic()
 
     def look(self) -> None:
-        """Read the marks of all ranks, not more often than every MEMORY_EVERY seconds."""
+        """Read the marks of all ranks: often at the start, since a run may take milliseconds."""
         now = time.monotonic()
         if now < self._next:
             return
-        self._next = now + MEMORY_EVERY
+        self._next = now + min(MEMORY_EVERY, MEMORY_SHARE * (now - self._began))
         for pid in self._pids():
             try:
                 text = Path(f"/proc/{pid}/status").read_text()
