@@ -15,3 +15,9 @@ class CannotState(GpudemError):
 
 class CodeTimeout(GpudemError):
     """The code did not end within the time allowed and was stopped."""
+
+
+class CodeNotStarted(GpudemError):
+    """The code could not be started on this machine: nothing is known of the scene, so it is never a result,
+    also where a variant may end in an error.
+    """

@@ -9,6 +9,7 @@ import contextlib
 import fcntl
 import os
 import shutil
+import signal
 from collections.abc import Generator, Iterator
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -19,6 +20,14 @@ from comparisons.harness.pytest_checks import CheckItem
 
 #: The plug-in comes with the installed package; from a tree that is not installed it is named here.
 pytest_plugins = [] if entry_points(group="pytest11", name="gpudem") else ["comparisons.pytest_plugin"]
+
+
+def pytest_configure() -> None:
+    """Take back SIGINT, which a shell lets a command in the background (cron, nohup, &) ignore, and so all of
+    its children: tests that interrupt a process would wait for its end in vain.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _gpu() -> bool:

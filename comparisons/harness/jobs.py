@@ -25,7 +25,7 @@ from gpudem.output.run import Run
 from gpudem.scene import Scene
 from gpudem.solver.device import find_device
 from reference.code import Options, RunFunction
-from reference.errors import CannotState, CodeMissing, CodeTimeout
+from reference.errors import CannotState, CodeMissing, CodeNotStarted, CodeTimeout
 
 #: (case, variant, code).
 Key = tuple[str, str, str]
@@ -46,7 +46,8 @@ ASK_EVERY = 0.5
 End = Literal["ok", "missing", "cannot_state", "timeout", "gave_up", "failed"]
 #: By kind of error; the first that fits.
 ENDS: dict[type[Exception], End] = {
-    CodeMissing: "missing", CannotState: "cannot_state", CodeTimeout: "timeout", GpudemError: "gave_up",
+    CodeMissing: "missing", CodeNotStarted: "failed", CannotState: "cannot_state",
+    CodeTimeout: "timeout", GpudemError: "gave_up",
 }  # fmt: skip
 
 

@@ -117,11 +117,12 @@ def _blindly(deck: Deck, directory: Path, binary: str) -> tuple[Console, int]:
     (directory / DECK).write_text(deck.text)
     (directory / DATA).write_text(deck.data)
     try:
-        done = subprocess.run(
-            command(binary, 1), cwd=directory, env=environment(1), stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace", timeout=PATIENCE,
-            check=False,
-        )  # fmt: skip
+        with environment(1) as variables:
+            done = subprocess.run(
+                command(binary, 1), cwd=directory, env=variables, stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
+                timeout=PATIENCE, check=False,
+            )  # fmt: skip
     except subprocess.TimeoutExpired:
         raise GpudemError(f"LIGGGHTS did not end within {PATIENCE:g} s in {directory}") from None
     (directory / LOG).write_text(done.stdout)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gpudem.errors import GpudemError
-from reference.errors import CannotState, CodeMissing, CodeTimeout
+from reference.errors import CannotState, CodeMissing, CodeNotStarted, CodeTimeout
 
 INSTALL = "apt-get install liggghts"
 
@@ -14,6 +14,10 @@ class LiggghtsNotFound(CodeMissing):
 
 class LiggghtsCannotState(CannotState):
     """The scene holds something that LIGGGHTS has no words for; names the item of the scene."""
+
+
+class LiggghtsNotStarted(CodeNotStarted):
+    """The binary, or MPI under it, ended before the first command of the deck; names the log."""
 
 
 class LiggghtsFailed(GpudemError):

@@ -6,19 +6,21 @@ therefore read from what it printed, never from the exit status alone.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import os
 import selectors
 import signal
 import subprocess
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from gpudem.extras import from_extra
 from reference.liggghts.console import Console
 from reference.liggghts.deck import DATA, DECK, LOG, RAW, Deck
-from reference.liggghts.errors import LiggghtsFailed, LiggghtsTimeout
+from reference.liggghts.errors import LiggghtsFailed, LiggghtsNotStarted, LiggghtsTimeout
 
 #: Time between SIGTERM and SIGKILL [s].
 GRACE = 2.0
@@ -61,6 +63,7 @@ def execute(
         progress: Called with the number of steps done.
 
     Raises:
+        LiggghtsNotStarted: the binary or MPI ended before the first command of the deck.
         LiggghtsFailed: unwritable directory, ERROR line, signal, NaN, lost particles, or an end before
             the last step.
         LiggghtsTimeout: not done within `timeout`.
@@ -74,9 +77,9 @@ def execute(
         raise LiggghtsFailed(f"{directory}: cannot be written: {error}") from error
     console = Console(deck.text.splitlines(), progress or (lambda step: None))
     start = time.monotonic()
-    with log:
+    with log, environment(ranks) as variables:
         process = subprocess.Popen(
-            command(binary, ranks), cwd=directory, env=environment(ranks),
+            command(binary, ranks), cwd=directory, env=variables,
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             start_new_session=True,
         )  # fmt: skip
@@ -104,10 +107,16 @@ MPI_ALONE = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_btl": "self", "OM
 MPI_YIELDS = {"OMPI_MCA_mpi_yield_when_idle": "1"}
 
 
-def environment(ranks: int) -> dict[str, str]:
-    """Environment variables of a run; what the user has set of Open MPI's stays."""
+@contextlib.contextmanager
+def environment(ranks: int) -> Iterator[dict[str, str]]:
+    """Environment variables of a run, until it is over; what the user has set of Open MPI's stays.
+
+    Open MPI's session files get a folder of their own: by default all runs of a user share one, and a run that
+    ends removes it while another one starts, which then cannot (once in some thousand starts side by side).
+    """
     chosen = MPI_YIELDS if ranks > 1 else MPI_ALONE
-    return MPI_AS_ROOT | chosen | dict(os.environ)
+    with tempfile.TemporaryDirectory(prefix="gpudem-mpi-", ignore_cleanup_errors=True) as session:
+        yield MPI_AS_ROOT | chosen | {"OMPI_MCA_orte_tmpdir_base": session} | dict(os.environ)
 
 
 def command(binary: str, ranks: int) -> list[str]:
@@ -165,6 +174,8 @@ def _believe(console: Console, deck: Deck, directory: Path, status: int | None) 
     """Raises LiggghtsFailed unless everything shows that the run went to its end with all particles."""
     atoms = int(deck.data.split(" atoms", 1)[0].rsplit("\n", 1)[-1])
     wanted = [s.last - s.first for s in deck.segments]
+    if console.deck_line == 0 and status and not console.errors:
+        raise LiggghtsNotStarted(f"{_status(status)}, before the first command\n  log: {directory / LOG}")
     if console.errors:
         what = console.errors[0]
     elif console.nan_step is not None:

@@ -5,15 +5,18 @@ from __future__ import annotations
 import dataclasses
 import os
 import signal
+from pathlib import Path
 
 import psutil
 import pytest
 
+from comparisons.harness import jobs
 from reference import liggghts as code
+from reference.errors import CodeNotStarted
 from reference.liggghts.binary import find_liggghts, version
 from reference.liggghts.deck import render
 from reference.liggghts.errors import LiggghtsFailed, LiggghtsNotFound, LiggghtsTimeout
-from reference.liggghts.runner import command, execute
+from reference.liggghts.runner import command, environment, execute
 from tests.reference.scenes import R, scene, two_spheres
 
 #: Far more steps than anyone waits for.
@@ -131,6 +134,25 @@ def test_error_names_the_deck_line(old, new, message, ranks, tmp_path, liggghts)
     assert said.replace("on proc 1", "on proc 0").startswith(message)
     if ranks == 1:  # of several ranks, one may fail before another has printed the line
         assert f"deck.in, line {line}: {' '.join(new.split())}" in said
+
+
+@pytest.mark.liggghts
+def test_a_binary_that_does_not_start(tmp_path, liggghts, monkeypatch):
+    """MPI cannot make its session folder: an error of the machine, which a variant that may end in an error
+    must not take for a result (a scene was once called unstable by it)."""
+    monkeypatch.setenv("OMPI_MCA_orte_tmpdir_base", "/dev/null/none")
+    with pytest.raises(CodeNotStarted, match="before the first command"):
+        execute(render(two_spheres()), tmp_path, liggghts)
+    assert next(end for kind, end in jobs.ENDS.items() if issubclass(CodeNotStarted, kind)) == "failed"
+
+
+@pytest.mark.liggghts
+def test_starts_side_by_side_share_no_folder(tmp_path, liggghts):
+    """Open MPI's session folder of one run, removed at its end, was needed by another that just started."""
+    with environment(1) as one, environment(1) as other:
+        folders = {Path(e["OMPI_MCA_orte_tmpdir_base"]) for e in (one, other)}
+        assert len(folders) == 2 and all(folder.is_dir() for folder in folders)
+    assert not any(folder.exists() for folder in folders)
 
 
 @pytest.mark.liggghts
