@@ -111,8 +111,8 @@ MPI_YIELDS = {"OMPI_MCA_mpi_yield_when_idle": "1"}
 def environment(ranks: int) -> Iterator[dict[str, str]]:
     """Environment variables of a run, until it is over; what the user has set of Open MPI's stays.
 
-    Open MPI's session files get a folder of their own: by default all runs of a user share one, and a run that
-    ends removes it while another one starts, which then cannot (once in some thousand starts side by side).
+    Open MPI's session files get a folder of their own: by default all runs of a user share one, and a run
+    that ends removes it while another one starts, which then cannot (once in some thousand starts).
     """
     chosen = MPI_YIELDS if ranks > 1 else MPI_ALONE
     with tempfile.TemporaryDirectory(prefix="gpudem-mpi-", ignore_cleanup_errors=True) as session:

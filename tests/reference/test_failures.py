@@ -151,7 +151,8 @@ def test_starts_side_by_side_share_no_folder(tmp_path, liggghts):
     """Open MPI's session folder of one run, removed at its end, was needed by another that just started."""
     with environment(1) as one, environment(1) as other:
         folders = {Path(e["OMPI_MCA_orte_tmpdir_base"]) for e in (one, other)}
-        assert len(folders) == 2 and all(folder.is_dir() for folder in folders)
+        assert len(folders) == 2
+        assert all(folder.is_dir() for folder in folders)
     assert not any(folder.exists() for folder in folders)
 
 
