@@ -1,16 +1,22 @@
-"""Checks that stand in many cases: one for each code, one for each pair of codes, agreement step by step,
+"""Checks that stand in many cases: one for each code, configuration or pair of codes, agreement step by step,
 observed order in the time step; and the table of what they found.
+
+In all of them `tolerance` may be {tier: tolerance}, and a measure may return several errors by name, of which
+the largest counts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from comparisons.harness import codes
-from comparisons.harness.case import Check, Measured, PerCode, PerPair, Results, Table, largest
+from comparisons.harness.case import Check, Measured, PerCode, PerPair, Results, Table, Tier, largest
+from comparisons.harness.configurations import Configuration, Configurations
 from comparisons.metrics import trace
 from gpudem.output.run import Run
 
@@ -19,22 +25,68 @@ if TYPE_CHECKING:
 
 
 #: What a measure finds: one error, or several, of which the largest counts: {"e = 0.3": error, ...}.
-Found = float | Measured | Mapping[str, Measured]
+Found = float | Measured | Mapping[str, Measured] | Mapping[str, float]
+
+
+def checks(
+    name: str,
+    measure: Callable[[Results], Found],
+    tolerance: float | Mapping[Tier, float],
+    **fields: Any,
+) -> tuple[Check, ...]:
+    """One check; with {tier: tolerance} one for each of these tiers. `fields` go to `Check`; unit "1", mark
+    A.
+    """
+
+    def of(results: Results) -> Measured | float:
+        found = measure(results)
+        return largest(found) if isinstance(found, Mapping) else found
+
+    fields = {"unit": "1", "mark": "A"} | fields | {"name": name, "measure": of}
+    if not isinstance(tolerance, Mapping):
+        return (Check(tolerance=tolerance, **fields),)
+    return tuple(Check(tolerance=held, **fields | {"tiers": (tier,)}) for tier, held in tolerance.items())
 
 
 def per_code(name: str, measure: Callable[[Results, str], Found], **fields: Any) -> PerCode[Check]:
-    """One check for each code at hand; measure(results, code). `fields` go to `Check`; unit "1", mark A."""
-    fields = {"unit": "1", "mark": "A"} | fields
-
-    def of(results: Results, code: str) -> Measured | float:
-        found = measure(results, code)
-        return largest(found) if isinstance(found, Mapping) else found
-
+    """One check for each code at hand; measure(results, code). `fields` go to `checks`."""
     return PerCode(
-        lambda code: Check(
-            name=f"{name} ({code})", measure=lambda results: of(results, code), needs=(code,), **fields
+        lambda code: checks(
+            f"{name} ({code})", lambda results: measure(results, code), needs=(code,), **fields
         )
     )
+
+
+def per_configuration(
+    configurations: Configurations,
+    name: str,
+    measure: Callable[[Results, Configuration], Found],
+    *,
+    without: Sequence[Configuration] = (),
+    changes: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
+    brought: bool = True,
+    **fields: Any,
+) -> PerCode[Check]:
+    """One check for each configuration of each code at hand, but not those of `without`, nor, if not
+    `brought`, of codes that a user brings; measure(results, configuration). `fields` go to `checks`;
+    `changes` has other fields for a configuration, by its title: {"gpudem mixed": {"tolerance": 1e-5}}.
+    """
+
+    def make(code: str) -> tuple[Check, ...]:
+        asked = configurations.of(code) if brought or not codes.brought(code) else ()
+        made = (
+            checks(
+                f"{name} ({one.title})",
+                lambda results, one=one: measure(results, one),
+                needs=(code,),
+                **{**fields, **changes.get(one.title, {})},
+            )
+            for one in asked
+            if one not in without
+        )
+        return tuple(itertools.chain(*made))
+
+    return PerCode(make)
 
 
 def table(
@@ -66,21 +118,21 @@ def table(
 
 
 def per_pair(
-    name: str, measure: Callable[[Results, str, str], Measured | float], **fields: Any
+    name: str, measure: Callable[[Results, str, str], Found], *, brought: bool = True, **fields: Any
 ) -> PerPair[Check]:
     """One check for each code under test and its reference; measure(results, code, reference). `fields` go to
-    `Check`; unit "1", mark X.
+    `checks`; mark X, held against the reference, whose title replaces `{other}` in the name. If not
+    `brought`, codes that a user brings are not compared.
     """
-    fields = {"unit": "1", "mark": "X"} | fields
-    return PerPair(
-        lambda code, other: Check(
-            name=name,
-            measure=lambda results: measure(results, code, other),
-            against=codes.title(other),
-            needs=(code, other),
-            **fields,
-        )
-    )
+
+    def make(code: str, other: str) -> tuple[Check, ...]:
+        if codes.brought(code) and not brought:
+            return ()
+        title = codes.title(other)
+        of = {"mark": "X", "against": title, "needs": (code, other)} | fields
+        return checks(name.replace("{other}", title), lambda results: measure(results, code, other), **of)
+
+    return PerPair(make)
 
 
 def step_by_step(

@@ -7,7 +7,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy import stats
@@ -26,6 +26,8 @@ class Comparison:
     """Half width of the confidence interval of the difference (Welch)."""
     p: float
     """Two-sided p of Welch's t test of equal means."""
+    corrected: float = math.nan
+    """p corrected for all metrics that are compared at once, by `largest_gap`."""
 
     @property
     def bound(self) -> float:
@@ -80,3 +82,15 @@ def largest_gap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     gaps = 2 / n * np.abs(member @ scaled)  # means of halves of a centred pool are opposite
     observed = 2 / n * np.abs(scaled[:n].sum(axis=0))
     return (gaps.max(axis=1)[:, None] >= observed - 1e-12).mean(axis=0)
+
+
+def compare(a: Mapping[str, np.ndarray], b: Mapping[str, np.ndarray]) -> dict[str, Comparison]:
+    """Metric -> comparison of its values in two samples {metric: values}, with p corrected for all metrics.
+
+    Raises ValueError as `welch` and `largest_gap` do.
+    """
+    p = largest_gap(*(np.array([values[name] for name in a]).T for values in (a, b)))
+    return {
+        name: dataclasses.replace(welch(a[name], b[name]), corrected=float(q))
+        for name, q in zip(a, p, strict=True)
+    }

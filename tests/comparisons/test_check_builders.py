@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from comparisons.harness import check_builders as build
+from comparisons.harness import codes, configurations
 from comparisons.harness.case import Case, Check, Measured, Results, largest, relative
 from gpudem.output.run import Run, Timing
 from tests.comparisons import fake
@@ -130,6 +132,54 @@ def test_several_errors_count_by_the_largest():
     [check] = checks(build.per_code("x", errors, tolerance=1, against="", reason="", catches=""), ("gpudem",))
     found = measured(check, Results("quick", {}))
     assert (found.value, found.note) == (0.5, "largest in gpudem")
+
+
+def test_a_tolerance_for_each_tier():
+    """A tier held to the tolerance of another, or a tier without one that is checked nevertheless."""
+    made = build.checks(
+        "x",
+        lambda results: {"a": 1.0, "b": 3.0},
+        {"quick": 0.1, "full": 0.01},
+        against="",
+        reason="",
+        catches="",
+    )
+    assert [(c.tolerance, c.tiers) for c in made] == [(0.1, ("quick",)), (0.01, ("full",))]
+    assert measured(made[0], Results("quick", {})).value == 3.0
+
+
+def test_one_check_for_each_configuration():
+    """A configuration that is judged by another's runs or tolerance, or left out without being named."""
+    double, mixed, single = configurations.precisions()
+    item = build.per_configuration(
+        configurations.Configurations(double, mixed, single), "x", lambda results, one: len(one.title),
+        without=(single,), changes={mixed.title: {"tolerance": 2.0}}, tolerance=1.0, against="", reason="",
+        catches="",
+    )  # fmt: skip
+    made = checks(item, ("gpudem", "liggghts"))
+    nothing = Results("quick", {})
+    assert [(c.name, c.measure(nothing), c.tolerance, c.needs) for c in made] == [
+        ("x (gpudem float64)", 14, 1.0, ("gpudem",)),
+        ("x (gpudem mixed)", 12, 2.0, ("gpudem",)),
+        ("x (LIGGGHTS)", 8, 1.0, ("liggghts",)),
+    ]
+
+
+@pytest.mark.parametrize("brought", [True, False])
+def test_codes_of_a_user_are_compared_unless_the_check_says_otherwise(brought: bool, monkeypatch):
+    """A limit of gpudem's scheme that is asked of a code with another; a user's code that nothing judges."""
+    monkeypatch.setitem(
+        codes.CODES, "mine", dataclasses.replace(codes.CODES["gpudem"], name="mine", title="mine")
+    )
+    fields = {"brought": brought, "tolerance": 1, "against": "", "reason": "", "catches": ""}
+    one = build.per_configuration(
+        configurations.Configurations(*configurations.precisions()[:1]), "x", lambda results, one: 0, **fields
+    )
+    pair = build.per_pair("{other}", lambda results, a, b: 0, **fields)
+    names = [check.name for item in (one, pair) for check in checks(item, ("gpudem", "liggghts", "mine"))]
+    ours = ["x (gpudem float64)", "x (LIGGGHTS)", "LIGGGHTS"]
+    assert set(ours) <= set(names)
+    assert (len(names) > len(ours)) == brought
 
 
 def test_table_of_what_was_found(results):

@@ -167,6 +167,18 @@ def test_largest_gap_sees_one_metric_of_many():
         statistics.largest_gap(a[:4], b[:4])
 
 
+def test_compare_goes_by_the_names_of_metrics():
+    """Samples that are compared in the order in which their metrics stand."""
+    rng = np.random.default_rng(9)
+    a = {name: rng.normal(0, 1, 5) for name in ("height", "time")}
+    b = {"more": rng.normal(0, 1, 5), "time": a["time"] + 20, "height": a["height"]}
+    found = statistics.compare(a, b)
+    assert list(found) == ["height", "time"]
+    assert (found["height"].difference, found["height"].corrected) == (0.0, 1.0)
+    assert found["time"].difference == pytest.approx(-20)
+    assert found["time"].corrected == pytest.approx(2 / 252)
+
+
 def test_the_largest_overlap_across_a_periodic_side():
     # the far image taken: no overlap at all; a sum of radii that is one radius
     ends = np.array([[0.0, 0.001, 0.0], [0.0, 0.1 - 0.0185, 0.0], [0.0195, 0.001, 0.0]])

@@ -437,7 +437,7 @@ def test_records_before_and_after_outcomes_were_stored(tmp_path, monkeypatch):
     assert {row.defect for row in record.rows} == {"w"}
     monkeypatch.setattr(case, "load_record", lambda: record)
     assert (case.survivors({}).value, case.unknown({}).value) == (1, 2)
-    assert list(case.table({})["caught by"]) == ["list", "", "", ""]
+    assert [row["caught by"] for row in case.table({})] == ["list", "", "", ""]
 
 
 def test_record_of_another_operation_counts_as_missing(monkeypatch):

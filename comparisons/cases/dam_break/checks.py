@@ -1,6 +1,4 @@
-"""Is the pile of two codes the same? Distributions over seeds, single runs before rounding has grown, and the
-published numbers.
-"""
+"""Is the pile of two codes the same? Distributions over seeds, single runs early, the published numbers."""
 
 from __future__ import annotations
 
@@ -10,63 +8,53 @@ from typing import Any
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.dam_break import scenes as dam
-from comparisons.harness.case import Measured, PerCode, PerPair, Results, Tier, largest, relative
-from comparisons.harness.check_builders import per_code, per_pair
 from comparisons.metrics import pile, statistics
 
 #: Significance level of the tests: runs are deterministic, so that a false alarm would stay.
 ALPHA = 0.01
-#: Kinetic energy that may be left in a bed after 0.3 s (quick tier) or 0.5 s: tiers, tolerance, its reason.
-UNREST: tuple[tuple[tuple[Tier, ...], float, str], ...] = (
-    (("quick",), 2.5e-3, "a correct bed has 0.0014 left after 0.3 s"),
-    (("standard", "full"), 5e-4, "a correct bed has 0.0001 left after 0.5 s, the smallest defect 0.001"),
-)
 
 
-def samples(results: Results, code: str) -> dict[str, np.ndarray]:
+def samples(results: kit.Results, code: str) -> dict[str, np.ndarray]:
     """Metric -> its values over the seeds of one code."""
     rows = [dam.measures(results, label, code) for label in results.labels(code, prefix="seed")]
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
-def compared(results: Results, code: str, other: str) -> dict[str, tuple[statistics.Comparison, float]]:
-    """Metric -> (means of two codes by Welch, p corrected for all metrics by the largest gap)."""
-
-    def compute() -> dict[str, tuple[statistics.Comparison, float]]:
-        a, b = samples(results, code), samples(results, other)
-        p = statistics.largest_gap(*(np.array(list(s.values())).T for s in (a, b)))
-        return {n: (statistics.welch(a[n], b[n]), float(q)) for n, q in zip(a, p, strict=True)}
-
-    return results.once(("compared", code, other), compute)
+def compared(results: kit.Results, code: str, other: str) -> dict[str, statistics.Comparison]:
+    """Metric -> comparison of two codes over the seeds."""
+    return results.once(
+        ("compared", code, other),
+        lambda: statistics.compare(samples(results, code), samples(results, other)),
+    )
 
 
-def smallest_p(results: Results, code: str, other: str) -> Measured:
+def smallest_p(results: kit.Results, code: str, other: str) -> kit.Measured:
     """Smallest corrected p over the metrics: below ALPHA, the codes differ significantly."""
-    found = compared(results, code, other)
-    name = min(found, key=lambda n: found[n][1])
-    c, p = found[name]
-    seeds = len(results.labels(code, prefix="seed"))
-    note = f"{len(found)} metrics, {seeds} seeds per code; smallest at {name}:"
-    spread = f"standard deviations {c.spread[0]:.2g} and {c.spread[1]:.2g}"
-    return Measured(p, note=f"{note} {c.mean[0]:.4g} and {c.mean[1]:.4g}, {spread}")
+    found, seeds = compared(results, code, other), len(results.labels(code, prefix="seed"))
+    name, c = min(found.items(), key=lambda item: item[1].corrected)
+    note = f"{len(found)} metrics, {seeds} seeds per code; smallest at {name}: {c.mean[0]:.4g} and"
+    note += f" {c.mean[1]:.4g}, standard deviations {c.spread[0]:.2g} and {c.spread[1]:.2g}"
+    return kit.Measured(c.corrected, note=note)
 
 
-def bound(name: str, part: str, tolerance: float, reason: str, **fields: Any) -> PerPair:
+def bound(name: str, part: str, **fields: Any) -> kit.PerPair:
     """Largest difference of means within its 95 % confidence interval, over metrics whose name has `part`."""
 
-    def measure(results: Results, code: str, other: str) -> Measured:
-        found = {n: c for n, (c, _) in compared(results, code, other).items() if part in n}
-        interval = {n: f"difference {c.difference:.3g} +- {c.half_width:.3g}" for n, c in found.items()}
-        return largest({n: Measured(c.bound, note=interval[n]) for n, c in found.items()})
+    def measure(results: kit.Results, code: str, other: str) -> dict[str, kit.Measured]:
+        return {
+            name: kit.Measured(c.bound, note=f"difference {c.difference:.3g} +- {c.half_width:.3g}")
+            for name, c in compared(results, code, other).items() if part in name
+        }  # fmt: skip
 
-    return per_pair(
-        name, measure, tolerance=tolerance, reason=reason,
-        catches="too few seeds, or too scattered ones, for the test above to mean anything", **fields,
+    return kit.per_pair(
+        f"{name}: largest difference of means that the seeds leave possible (95 %)", measure, **fields,
+        catches="too few seeds, or too scattered ones, for the test above to mean anything",
     )  # fmt: skip
 
 
-def profile_p(results: Results, code: str, other: str) -> Measured:
+def profile_p(results: kit.Results, code: str, other: str) -> kit.Measured:
     """Permutation p of the profiles: is a code's profile nearer to its own than to the other's?
 
     Statistic: mean L1 distance between codes less mean L1 distance within. Labels are exchanged in all ways
@@ -86,17 +74,17 @@ def profile_p(results: Results, code: str, other: str) -> Measured:
     p = np.mean([excess(c) >= here - 1e-15 for c in itertools.combinations(range(n), half)])
     across = 1e3 * distance[:half, half:].mean()
     note = f"mean distance between codes {across:.2g} mm, excess over within {1e3 * here:.2g} mm"
-    return Measured(float(p), note=note)
+    return kit.Measured(float(p), note=note)
 
 
-def height_difference(a: np.ndarray, b: np.ndarray) -> Measured:
+def height_difference(a: np.ndarray, b: np.ndarray) -> kit.Measured:
     """Largest difference of two readings at dam.READ_AT [m], in mm."""
     k = int(np.argmax(np.abs(a - b)))
     note = f"at {1e3 * dam.READ_AT[k]:.0f} mm: {1e3 * a[k]:.1f} and {1e3 * b[k]:.1f} mm"
-    return Measured(1e3 * float(abs(a[k] - b[k])), note=note)
+    return kit.Measured(1e3 * float(abs(a[k] - b[k])), note=note)
 
 
-def gate_heights(results: Results, label: str, code: str, other: str) -> Measured:
+def gate_heights(results: kit.Results, label: str, code: str, other: str) -> kit.Measured:
     """Largest height difference between the codes [mm], read every 100 mm, at rest; single runs of each.
 
     A reading is the mean of the profile within 25 mm of its place: a slice three balls deep is 20 times
@@ -111,7 +99,7 @@ def gate_heights(results: Results, label: str, code: str, other: str) -> Measure
 
 
 def distances(
-    results: Results, code: str, other: str, prefix: str = "", axes: str = "xz"
+    results: kit.Results, code: str, other: str, prefix: str = "", axes: str = "xz"
 ) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
     """(label, times [s], distance of the centers of mass of two codes [m]) of the variants that both ran.
 
@@ -126,51 +114,51 @@ def distances(
         yield label, a["time"].to_numpy(), distance
 
 
-def early(name: str, prefix: str = "", axes: str = "xz", until: float = dam.EARLY, **fields: Any) -> PerPair:
+def early(
+    name: str, prefix: str = "", axes: str = "xz", until: float = dam.EARLY, **fields: Any
+) -> kit.PerPair:
     """Largest distance of the centers of mass up to a time [s] / diameter; NaN where nothing touches."""
 
-    def measure(results: Results, code: str, other: str) -> Measured:
+    def measure(results: kit.Results, code: str, other: str) -> kit.Measured:
         found, touched = {}, []
         for label, time, distance in distances(results, code, other, prefix, axes):
             run, soon = results[label, code], time <= until
             touched.append(int(run.history["contacts"].to_numpy()[soon].max()))
             found[label] = float(distance[soon].max() / (2 * run.scene.state.radius.max()))
         note = f"at least {min(touched)} contacts at once"
-        return largest(found, note) if min(touched) > 0 else Measured(float("nan"), note=note)
+        return kit.largest(found, note) if min(touched) > 0 else kit.Measured(float("nan"), note=note)
 
-    return per_pair(name, measure, tolerance=1e-10, half_step=True, **fields)
-
-
-def at_rest() -> tuple[PerCode, ...]:
-    """Damping and friction have brought the bed of every run to rest when the gate is removed."""
-    return tuple(
-        per_code(
-            "kinetic energy when the gate is removed / fall of the flow",
-            lambda results, code: largest({label: dam.unrest(run) for label, run in results.of(code)}),
-            tolerance=tolerance, against="rest", tiers=tiers, reason=reason,
-            catches="contacts that add energy: damping of the wrong sign (it leaves 0.002 to 0.07), a spring"
-            " a tenth stiffer on its way out (0.001 to 0.004)",
-        )
-        for tiers, tolerance, reason in UNREST
-    )  # fmt: skip
+    return kit.per_pair(name, measure, tolerance=1e-10, half_step=True, **fields)
 
 
-def arrival(label: str, **fields: Any) -> PerCode:
+#: Damping and friction have brought the bed of every run to rest when the gate is removed.
+AT_REST = kit.per_code(
+    "kinetic energy when the gate is removed / fall of the flow",
+    lambda results, code: {label: dam.unrest(run) for label, run in results.of(code)},
+    tolerance={"quick": 2.5e-3, "standard": 5e-4, "full": 5e-4}, against="rest",
+    reason="a correct bed has 0.0014 left after 0.3 s (quick tier) and 0.0001 after 0.5 s, where the smallest"
+    " defect leaves 0.001",
+    catches="contacts that add energy: damping of the wrong sign (it leaves 0.002 to 0.07), a spring a tenth"
+    " stiffer on its way out (0.001 to 0.004)",
+)  # fmt: skip
+
+
+def arrival(label: str, **fields: Any) -> kit.PerCode:
     """How far the time to the far wall of one variant is outside experiment .. simulation of the paper."""
 
-    def measure(results: Results, code: str) -> Measured:
+    def measure(results: kit.Results, code: str) -> kit.Measured:
         time = dam.arrival(results[label, code])
         off = max(dam.MEASURED_ARRIVAL - time, time - dam.PAPER_ARRIVAL, 0.0)
-        return Measured(off, time, dam.MEASURED_ARRIVAL, note=f"friction {dam.BALL_FRICTION:g}, not fitted")
+        return kit.Measured(off, time, dam.MEASURED_ARRIVAL, f"friction {dam.BALL_FRICTION:g}, not fitted")
 
-    return per_code(
+    return kit.per_code(
         "time to the far wall: distance from 0.49 s (experiment) .. 0.54 s (paper)", measure, unit="s",
         against="Park et al. 2014", mark="P",
         catches="a gate that drags, a wall without friction, gravity or density off by 10 %", **fields,
     )  # fmt: skip
 
 
-def arrivals(results: Results, code: str) -> list[tuple[float, float]]:
+def arrivals(results: kit.Results, code: str) -> list[tuple[float, float]]:
     """(ball friction, time to the far wall [s]) of the sweep, with the mean of the seeds in its place."""
     found: dict[float, list[float]] = {}
     for label in (*results.labels(code, prefix="seed"), *results.labels(code, prefix="mu_")):
@@ -180,20 +168,19 @@ def arrivals(results: Results, code: str) -> list[tuple[float, float]]:
     return sorted((mu, float(np.mean(times))) for mu, times in found.items())
 
 
-def friction_at(results: Results, code: str) -> Measured:
+def friction_at(results: kit.Results, code: str) -> kit.Measured:
     """Ball friction at which the first ball reaches the far wall as measured: line through the sweep."""
     rows = arrivals(results, code)
     mu, times = np.array(rows).T
     slope, offset = np.polyfit(mu, times, 1)
     note = ", ".join(f"{mu:g}: {t:.3f} s" for mu, t in rows)
-    return Measured((dam.MEASURED_ARRIVAL - offset) / slope, note=note)
+    return kit.Measured((dam.MEASURED_ARRIVAL - offset) / slope, note=note)
 
 
-def column(results: Results, code: str) -> Measured:
-    """Largest relative error of the settled column's height against the printed one, over the gates."""
-    found = {}
-    for label in results.labels(code, prefix="gate_"):
-        run = results[label, code]
-        place, height = dam.gate(run), dam.bed(run)["height"]
-        found[f"gate at {1e3 * place:g} mm"] = relative(height, dam.GATES[place])
-    return largest(found)
+def column(results: kit.Results, code: str) -> dict[str, kit.Measured]:
+    """Relative error of the settled column's height against the printed one, for each gate."""
+    runs = [results[label, code] for label in results.labels(code, prefix="gate_")]
+    return {
+        f"gate at {1e3 * dam.gate(run):g} mm": kit.relative(dam.bed(run)["height"], dam.GATES[dam.gate(run)])
+        for run in runs
+    }

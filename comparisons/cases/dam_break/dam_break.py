@@ -6,31 +6,30 @@ R = 7.5 mm, 916 x 24 000 = 2.2e7 each (standard), at 10 mm, 515 x 15 600 = 8e6 (
 
 from __future__ import annotations
 
+from comparisons import kit
 from comparisons.cases.dam_break import checks, figures
 from comparisons.cases.dam_break import scenes as dam
 from comparisons.cases.dam_break.scenes import Dam
-from comparisons.harness.case import Case, Check, Figure, PerPair, Table, Tier, Variant
-from comparisons.harness.check_builders import per_code, per_pair
+from comparisons.kit import LONG
 
-COARSE: dict[Tier, float] = {"quick": 0.010, "standard": 0.0075, "full": 0.006}
+COARSE: dict[kit.Tier, float] = {"quick": 0.010, "standard": 0.0075, "full": 0.006}
 SEEDS = {"quick": 5, "standard": 8, "full": 8}
 SWEEP = (0.1, 0.2, 0.4, 0.5)
-LONG: tuple[Tier, ...] = ("standard", "full")
 GATE_LABELS = {gate: f"gate_{1e3 * gate:.0f}" for gate in dam.GATES}
 
 
-def variants(tier: Tier) -> list[Variant]:
+def variants(tier: kit.Tier) -> list[kit.Variant]:
     radius, opens = COARSE[tier], 0.3 if tier == "quick" else 0.5
     seeds = range(1, SEEDS[tier] + 1)
-    made = [Variant(f"seed_{k}", Dam(radius=radius, seed=k, opens=opens).scene()) for k in seeds]
+    made = [kit.Variant(f"seed_{k}", Dam(radius=radius, seed=k, opens=opens).scene()) for k in seeds]
     if tier == "quick":
         return made
-    made += [Variant(label, Dam(gate=gate).scene()) for gate, label in GATE_LABELS.items()]
-    made += [Variant(f"mu_{mu:g}", Dam(radius=radius, friction=mu, flows=0.7).scene()) for mu in SWEEP]
+    made += [kit.Variant(label, Dam(gate=gate).scene()) for gate, label in GATE_LABELS.items()]
+    made += [kit.Variant(f"mu_{mu:g}", Dam(radius=radius, friction=mu, flows=0.7).scene()) for mu in SWEEP]
     if tier == "full":  # 120 000 balls, whole box, true modulus, 1.5 million steps each: needs a GPU
         for gate, label in GATE_LABELS.items():
             whole = Dam(gate=gate, slice=False, young=None).scene()
-            made.append(Variant(f"whole_{label}", whole, codes=("gpudem",)))
+            made.append(kit.Variant(f"whole_{label}", whole, codes=("gpudem",)))
     return made
 
 
@@ -40,29 +39,25 @@ TEST = (
     " the number of metrics and assumes no distribution, since heights come in layers"
 )
 #: Codes against each other: distributions over seeds, and the single runs of the three gates.
-BETWEEN: tuple[PerPair[Check], ...] = (
-    per_pair(
+BETWEEN = (
+    kit.per_pair(
         "smallest corrected p over all metrics: difference between codes against spread within",
         checks.smallest_p, lo=checks.ALPHA, tolerance=1.0, reason=TEST,
         catches="any bias of friction, damping, walls or gate beyond the scatter of seeds",
     ),
-    per_pair(
+    kit.per_pair(
         "profile at rest: permutation p of L1 distances between codes against within",
         checks.profile_p, lo=checks.ALPHA, tolerance=1.0, tiers=LONG,
         reason="all 12 870 ways to split 16 runs",
         catches="a pile of another shape whose heights agree on average",
     ),
-    *(
-        checks.bound(
-            "heights: largest difference of means that the seeds leave possible (95 %)", "height",
-            2e3 * radius, "one diameter, as in the paper between experiment and simulation", unit="mm",
-            tiers=(tier,),
-        )
-        for tier, radius in COARSE.items()
+    checks.bound(
+        "heights", "height", tolerance={tier: 2e3 * radius for tier, radius in COARSE.items()}, unit="mm",
+        reason="one diameter, as in the paper between experiment and simulation",
     ),
     checks.bound(
-        "time to the far wall: largest difference of means that the seeds leave possible (95 %)", "far wall",
-        50, "the 50 ms between the paper's simulation and its experiment", unit="ms",
+        "time to the far wall", "far wall", tolerance=50, unit="ms",
+        reason="the 50 ms between the paper's simulation and its experiment",
     ),
     checks.early(
         "center of mass while the lattice falls and settles, largest distance in 0.07 s / diameter",
@@ -70,7 +65,7 @@ BETWEEN: tuple[PerPair[Check], ...] = (
         catches="a contact missed or counted twice, a spring lost at a rebuild, before chaos hides it",
     ),
     *(
-        per_pair(
+        kit.per_pair(
             f"gate at {1e3 * gate:g} mm: largest height difference, read every 100 mm",
             lambda results, a, b, label=label: checks.gate_heights(results, label, a, b),
             tolerance=1e3 * dam.PAPER_HEIGHT_ERROR, unit="mm", tiers=LONG,
@@ -82,18 +77,18 @@ BETWEEN: tuple[PerPair[Check], ...] = (
 )  # fmt: skip
 #: Each code against the paper, and the bed at rest.
 PUBLISHED = (
-    *checks.at_rest(),
+    checks.AT_REST,
     checks.arrival(
         GATE_LABELS[0.2], tolerance=0.03, tiers=LONG,
         reason="friction is not printed, the slice has no side walls: half the paper's 0.05 s",
     ),
-    per_code(
+    kit.per_code(
         "ball friction at which the far wall is reached at the measured 0.49 s", checks.friction_at, lo=0.1,
         tolerance=0.5, against="Park et al. 2014", mark="P", tiers=LONG,
         reason="the range of smooth plastic balls; coarse grains, R = 7.5 mm (full tier: 6 mm)",
         catches="friction that does not act, or acts twice",
     ),
-    per_code(
+    kit.per_code(
         "settled column: height, largest relative error over the gates", checks.column, tolerance=0.12,
         against="Park et al. 2014", mark="P", tiers=LONG,
         reason="a slice three balls deep has no side walls, packs in order, overlaps by 1 %",
@@ -101,7 +96,7 @@ PUBLISHED = (
     ),
 )  # fmt: skip
 
-CASE = Case(
+CASE = kit.Case(
     name="dam_break",
     title="Dam break of 120 000 balls",
     purpose=(
@@ -118,33 +113,33 @@ CASE = Case(
     variants=variants,
     checks=(*BETWEEN, *PUBLISHED),
     figures=(
-        Figure(
+        kit.Figure(
             "Piles at rest, over seeds", "Mean and range over the seeds of each code.", figures.seed_profiles
         ),
-        Figure(
+        kit.Figure(
             "The three gates", "R = 3 mm; below, the difference, with the paper's 8 mm.",
             figures.gate_profiles, tiers=LONG,
         ),
-        Figure("Energy and front in time", "Every seed of each code.", figures.flow),
-        Figure(
+        kit.Figure("Energy and front in time", "Every seed of each code.", figures.flow),
+        kit.Figure(
             "How rounding grows",
             "The codes start equal and separate by a factor of ten every 0.02 to 0.04 s: soon after the"
             " dotted line single runs cannot be compared any more, only distributions.",
             figures.rounding,
         ),
-        Figure(
+        kit.Figure(
             "Influence of friction", "Time to the far wall; bars: two standard deviations over the seeds.",
             figures.sweep, tiers=LONG,
         ),
     ),
     tables=(
-        Table(
+        kit.Table(
             "Codes against each other",
             "Mean and standard deviation over seeds; 95 % confidence interval of the difference; p of Welch's"
             " test, and corrected for all metrics by permutation.",
             figures.metrics_table,
         ),
-        Table(
+        kit.Table(
             "Before the gate is removed", "The settled column, and when the first ball reaches the far wall.",
             figures.bed_table,
         ),

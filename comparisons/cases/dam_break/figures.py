@@ -2,82 +2,100 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.dam_break import checks
 from comparisons.cases.dam_break import scenes as dam
 from comparisons.harness import codes
-from comparisons.harness.case import Results
 from comparisons.report import plots
 
-#: Lines that the figures share: what the paper measured, and what it simulated.
-PAPER = ((dam.MEASURED_ARRIVAL, ":", "experiment"), (dam.PAPER_ARRIVAL, "-.", "paper's simulation"))
 X = 1e3 * dam.PROFILE_AT
 
 
-def seed_profiles(results: Results) -> plots.Figure:
+def paper_lines(line: Callable[..., Any], prefix: str = "") -> None:
+    """Lines that figures share: the time to the far wall that the paper measured, and that it simulated."""
+    for time, dash, label in (
+        (dam.MEASURED_ARRIVAL, ":", "experiment"), (dam.PAPER_ARRIVAL, "-.", "paper's simulation")
+    ):  # fmt: skip
+        line(time, color="0.4", lw=0.9, ls=dash, label=prefix + label)
+
+
+def fronts(axes: Any, results: kit.Results, prefix: str, look: Callable[[str], dict[str, Any]]) -> None:
+    """The first ball in time, in the runs whose label starts with `prefix`, and the times of the paper."""
+    for code in results.codes():
+        for label in results.labels(code, prefix=prefix):
+            run = results[label, code]
+            axes.plot(dam.kinetic(run)[0], 1e3 * run.history["front_x"], **look(code))
+    paper_lines(axes.axvline, "far wall: ")
+    axes.set(xlabel="time after the opening [s]", ylabel="center of the first ball [mm]", xlim=(-0.05, None))
+
+
+def _differences(axes: Any, curves: dict[str, np.ndarray]) -> None:
+    for a, b in codes.pairs(list(curves)):
+        axes.plot(X, curves[a] - curves[b], color="0.2", label=f"{plots.name(a)} - {plots.name(b)}")
+    axes.set(xlabel="x [mm]")
+
+
+def seed_profiles(results: kit.Results) -> plots.Figure:
     """Profiles at rest of all seeds, and the difference of the means with its standard error."""
     figure, (top, low) = plots.figure(2, 1, height=5.0, sharex=True, height_ratios=(1.6, 1))
     curves = {}
     for code in results.codes():
         labels = results.labels(code, prefix="seed")
-        curves[code] = 1e3 * np.array([dam.heights(results, lab, code, dam.PROFILE_AT) for lab in labels])
+        curves[code] = 1e3 * np.array([dam.heights(results, label, code) for label in labels])
         plots.band(top, X, curves[code], code)
-    for a, b in codes.pairs(list(curves)):
-        error = np.sqrt(sum(curves[c].var(axis=0, ddof=1) / len(curves[c]) for c in (a, b)))
+    for pair in codes.pairs(list(curves)):
+        error = np.sqrt(sum(curves[c].var(axis=0, ddof=1) / len(curves[c]) for c in pair))
         low.fill_between(X, -2 * error, 2 * error, color="0.85", label="2 standard errors")
-        difference = curves[a].mean(axis=0) - curves[b].mean(axis=0)
-        low.plot(X, difference, color="0.2", label=f"{plots.name(a)} - {plots.name(b)}")
+    _differences(low, {code: curve.mean(axis=0) for code, curve in curves.items()})
     top.set_ylabel("height [mm]")
-    low.set(xlabel="x [mm]", ylabel="difference of means [mm]")
+    low.set_ylabel("difference of means [mm]")
     plots.legend(top, low)
     return figure
 
 
-def gate_profiles(results: Results) -> plots.Figure:
+def gate_profiles(results: kit.Results) -> plots.Figure:
     """Profiles at rest of the three gates, and the differences between the codes."""
-    labels = results.labels(prefix="gate")
+    labels, limit = results.labels(prefix="gate"), 1e3 * dam.PAPER_HEIGHT_ERROR
     figure, axes = plots.figure(
         2, len(labels), width=plots.WHOLE, height=4.6, sharex=True, sharey="row", height_ratios=(1.6, 1)
     )
-    limit = 1e3 * dam.PAPER_HEIGHT_ERROR
     for (top, low), label in zip(axes.T, labels, strict=True):
-        curves = {c: 1e3 * dam.heights(results, label, c, dam.PROFILE_AT) for c in results.codes(label)}
+        curves = {c: 1e3 * dam.heights(results, label, c) for c in results.codes(label)}
         for code, curve in curves.items():
             top.plot(X, curve, **plots.style(code, markevery=3))
-        for a, b in codes.pairs(list(curves)):
-            low.plot(X, curves[a] - curves[b], color="0.2", label=f"{plots.name(a)} - {plots.name(b)}")
+        _differences(low, curves)
         for level in (-limit, limit):
             low.axhline(level, **plots.TOLERANCE)
         top.set_title(results[label, next(iter(curves))].scene.title.split(",")[0])
-        low.set_xlabel("x [mm]")
     axes[0, 0].set_ylabel("height [mm]")
     axes[1, 0].set_ylabel("difference [mm]")
     plots.legend(axes[0, 0], axes[1, 0])
     return figure
 
 
-def flow(results: Results) -> plots.Figure:
+def flow(results: kit.Results) -> plots.Figure:
     """Kinetic energy and front in time, all seeds."""
     figure, (top, low) = plots.figure(2, 1, height=5.0, sharex=True)
+
+    def look(code: str) -> dict[str, Any]:
+        return plots.style(code, marker="", linestyle="-" if code == "gpudem" else "--", linewidth=1)
+
     for code in results.codes():
         for label in results.labels(code, prefix="seed"):
-            table, line = results[label, code].history, "-" if code == "gpudem" else "--"
-            look = plots.style(code, marker="", linestyle=line, linewidth=1)
-            time = table["time"] - dam.opening(results[label, code])
-            top.plot(time, 1e3 * (table["kinetic_energy"] + table["rotational_energy"]), **look)
-            low.plot(time, 1e3 * table["front_x"], **look)
-    for time, dash, label in PAPER:
-        low.axvline(time, color="0.4", lw=0.9, ls=dash, label=f"far wall: {label}")
+            time, energy = dam.kinetic(results[label, code])
+            top.plot(time, 1e3 * energy, **look(code))
+    fronts(low, results, "seed", look)
     top.set_ylabel("kinetic energy [mJ]")
-    low.set(xlabel="time after the opening [s]", ylabel="center of the first ball [mm]", xlim=(-0.05, None))
     plots.legend(top, low)
     return figure
 
 
-def rounding(results: Results) -> plots.Figure:
+def rounding(results: kit.Results) -> plots.Figure:
     """Distance of the centers of mass of two codes in time, for every variant."""
     figure, axes = plots.figure(width=plots.WHOLE)
     pairs = codes.pairs(results.codes())
@@ -91,7 +109,7 @@ def rounding(results: Results) -> plots.Figure:
     return figure
 
 
-def sweep(results: Results) -> plots.Figure:
+def sweep(results: kit.Results) -> plots.Figure:
     """Time to the far wall against ball friction."""
     figure, axes = plots.figure()
     for code in results.codes():
@@ -99,30 +117,28 @@ def sweep(results: Results) -> plots.Figure:
         labels = results.labels(code, prefix="seed")
         times = np.array([dam.arrival(results[label, code]) for label in labels])
         plots.points(axes, [dam.BALL_FRICTION], [times.mean()], code, error=[2 * times.std(ddof=1)])
-    for time, dash, label in PAPER:
-        axes.axhline(time, color="0.4", lw=0.9, ls=dash, label=label)
+    paper_lines(axes.axhline)
     axes.set(xlabel="ball friction", ylabel="time to the far wall [s]")
     plots.legend(axes)
     return figure
 
 
-def metrics_table(results: Results) -> list[dict[str, Any]]:
+def metrics_table(results: kit.Results) -> kit.Rows:
     """Every metric: mean and spread of each code, difference, its interval, p before and after correction."""
     return [
         {"metric": name, plots.name(a): c.mean[0], "standard deviation": c.spread[0],
          plots.name(b): c.mean[1], "standard deviation ": c.spread[1], "difference": c.difference,
-         "+- (95 %)": c.half_width, "p (Welch)": c.p, "p (corrected)": p}
+         "+- (95 %)": c.half_width, "p (Welch)": c.p, "p (corrected)": c.corrected}
         for a, b in codes.pairs(results.codes())
-        for name, (c, p) in checks.compared(results, a, b).items()
+        for name, c in checks.compared(results, a, b).items()
     ]  # fmt: skip
 
 
-def bed_table(results: Results) -> list[dict[str, Any]]:
+def bed_table(results: kit.Results) -> kit.Rows:
     """The settled column of every run before the gate is removed."""
-    rows = []
-    for (label, code), run in results.runs.items():
-        bed = dam.bed(run)
-        row = {"run": label, "code": plots.name(code), "height [mm]": 1e3 * bed["height"]}
-        row |= {"solid fraction": bed["solid fraction"], "contacts per ball": bed["contacts"]}
-        rows.append(row | {"time to the far wall [s]": dam.arrival(run)})
-    return rows
+    return [
+        {"run": label, "code": plots.name(code), "height [mm]": 1e3 * bed["height"],
+         "solid fraction": bed["solid fraction"], "contacts per ball": bed["contacts"],
+         "time to the far wall [s]": dam.arrival(run)}
+        for (label, code), run in results.runs.items() for bed in [dam.bed(run)]
+    ]  # fmt: skip

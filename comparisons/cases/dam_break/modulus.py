@@ -4,27 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.dam_break import scenes as dam
 from comparisons.cases.dam_break.checks import ALPHA, early
 from comparisons.harness import codes
-from comparisons.harness.case import Check, Finding, Measured, PerPair, Results, Tier, Variant
-from comparisons.harness.configurations import Configuration, Configurations, precisions
-from comparisons.harness.numbers import number
+from comparisons.kit import number
 from comparisons.metrics import pile, statistics
 from comparisons.report import plots
 from gpudem.output.run import Run
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 #: Young's modulus of the balls of the experiment [Pa].
 TRUE = dam.BALL.young
-FLOAT64, MIXED, FLOAT32 = precisions()
-CONFIGURATIONS = Configurations(FLOAT64, MIXED, FLOAT32, timed_on=1)
+FLOAT64, MIXED, FLOAT32 = kit.precisions()
+CONFIGURATIONS = kit.Configurations(FLOAT64, MIXED, FLOAT32, timed_on=1)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,11 +36,11 @@ class Plan:
 
 #: Five seeds per side reach p = 0.01 only as the most extreme of 252 splits: enough to detect rubber. The
 #: full tier asks which modulus is stiff enough, and takes the most seeds that can be tested exactly.
-PLANS: dict[Tier, Plan] = {
+PLANS: dict[kit.Tier, Plan] = {
     "standard": Plan(0.012, 5, (1e5, 3e5, 1e6, 5e6), 5e6),
     "full": Plan(0.009, 10, (1e5, 3e5, 1e6, 5e6, 5e7, 5e8, TRUE), TRUE),
 }
-TIERS: tuple[Tier, ...] = tuple(PLANS)
+TIERS: tuple[kit.Tier, ...] = tuple(PLANS)
 #: What is compared, a reading from each part of the flow; more would only cost power.
 METRICS = (
     "height at 0 mm [mm]", "height at 400 mm [mm]", "run-out in flow [mm]", "center of mass x at rest [mm]",
@@ -71,7 +67,7 @@ def name_of(young: float, seed: int) -> str:
     return f"dam_{young:.3g}_{seed}"
 
 
-def variants(tier: Tier) -> list[Variant]:
+def variants(tier: kit.Tier) -> list[kit.Variant]:
     """Every modulus in float64, the hardest by all, one seed after the other; none in a tier without."""
     if tier not in PLANS:
         return []
@@ -88,7 +84,7 @@ def variants(tier: Tier) -> list[Variant]:
     return made
 
 
-def keys(results: Results, young: float, by: Configuration = FLOAT64) -> list[tuple[str, str]]:
+def keys(results: kit.Results, young: float, by: kit.Configuration = FLOAT64) -> list[tuple[str, str]]:
     """(label, code) of the seeds of one modulus, those that ran."""
     seeds = range(1, PLANS[results.tier].seeds + 1)
     return [key for seed in seeds if (key := by.key(name_of(young, seed))) in results.runs]
@@ -101,7 +97,7 @@ def overlap(run: Run) -> float:
     return found / float(frame["radius"].max())
 
 
-def sample(results: Results, young: float, by: Configuration = FLOAT64) -> dict[str, np.ndarray]:
+def sample(results: kit.Results, young: float, by: kit.Configuration = FLOAT64) -> dict[str, np.ndarray]:
     """Metric -> its values over the seeds."""
 
     def compute() -> dict[str, np.ndarray]:
@@ -116,26 +112,23 @@ def sample(results: Results, young: float, by: Configuration = FLOAT64) -> dict[
 
 
 def gap(
-    results: Results, young: float, by: Configuration = FLOAT64, against: Configuration = FLOAT64
-) -> dict[str, tuple[float, float]]:
-    """Metric -> (mean less that of the hardest, corrected p of no difference)."""
+    results: kit.Results, young: float, by: kit.Configuration = FLOAT64, against: kit.Configuration = FLOAT64
+) -> dict[str, statistics.Comparison]:
+    """Metric -> comparison with the hardest."""
 
-    def compute() -> dict[str, tuple[float, float]]:
+    def compute() -> dict[str, statistics.Comparison]:
         ours, hard = sample(results, young, by), sample(results, PLANS[results.tier].hardest, against)
-        names = (*METRICS, CONTACTS)
-        p = statistics.largest_gap(*(np.array([values[n] for n in names]).T for values in (ours, hard)))
-        means = [float(ours[n].mean() - hard[n].mean()) for n in names]
-        return {n: (m, float(q)) for n, m, q in zip(names, means, p, strict=True)}
+        return statistics.compare({name: ours[name] for name in (*METRICS, CONTACTS)}, hard)
 
     return results.once(("dam gap", young, by.key(""), against.key("")), compute)
 
 
-def significant(results: Results, young: float, by: Configuration = FLOAT64) -> dict[str, float]:
+def significant(results: kit.Results, young: float, by: kit.Configuration = FLOAT64) -> dict[str, float]:
     """Metric that differs significantly from the hardest's (p < ALPHA) -> mean less that of the hardest."""
-    return {n: shift for n, (shift, p) in gap(results, young, by).items() if p < ALPHA}
+    return {n: c.difference for n, c in gap(results, young, by).items() if c.corrected < ALPHA}
 
 
-def stiff_enough(results: Results, part: str) -> tuple[float, float]:
+def stiff_enough(results: kit.Results, part: str) -> tuple[float, float]:
     """(softest modulus [Pa] from which on no part differs significantly from the hardest's, the next softer).
 
     The second is nan where even the softest is stiff enough.
@@ -145,13 +138,7 @@ def stiff_enough(results: Results, part: str) -> tuple[float, float]:
     return min(y for y in moduli if y > max(soft, default=0.0)), max(soft, default=float("nan"))
 
 
-def undetected(results: Results, young: float, part: str) -> dict[str, float]:
-    """Metric of a part -> largest difference from the hardest in its 95 % confidence interval (Welch)."""
-    ours, hard = sample(results, young), sample(results, PLANS[results.tier].hardest)
-    return {n: statistics.welch(ours[n], hard[n]).bound for n in PARTS[part]}
-
-
-def seconds(results: Results, young: float, by: Configuration = FLOAT64) -> np.ndarray:
+def seconds(results: kit.Results, young: float, by: kit.Configuration = FLOAT64) -> np.ndarray:
     """Stepping time [s] of each seed."""
     return np.array([results[key].timing.stepping_s for key in keys(results, young, by)])
 
@@ -159,42 +146,42 @@ def seconds(results: Results, young: float, by: Configuration = FLOAT64) -> np.n
 # -- checks --------------------------------------------------------------------------------------------------
 
 
-def smallest_p(results: Results, by: Configuration, against: Configuration = FLOAT64) -> Measured:
+def smallest_p(
+    results: kit.Results, by: kit.Configuration, against: kit.Configuration = FLOAT64
+) -> kit.Measured:
     """Least corrected p over all metrics of two configurations or codes at the hardest modulus."""
     hardest = PLANS[results.tier].hardest
-    found = gap(results, hardest, by, against)
-    name = min(found, key=lambda n: found[n][1])
-    note = f"{number(hardest, 3)} Pa; least at {name}, difference {found[name][0]:.3g}"
-    return Measured(found[name][1], note=note)
+    name, c = min(gap(results, hardest, by, against).items(), key=lambda item: item[1].corrected)
+    note = f"{number(hardest, 3)} Pa; least at {name}, difference {c.difference:.3g}"
+    return kit.Measured(c.corrected, note=note)
 
 
-def overlap_slope(results: Results) -> Measured:
+def overlap_slope(results: kit.Results) -> kit.Measured:
     """Slope of the largest overlap before the opening against the modulus, less -2/3."""
     moduli = [y for y in PLANS[results.tier].moduli if y >= LARGE_OVERLAP_BELOW]
     depths = [float(sample(results, y)[DEPTH].mean()) for y in moduli]
     slope = float(np.polyfit(np.log(moduli), np.log(depths), 1)[0])
-    return Measured(abs(slope - HERTZ), slope, HERTZ)
+    return kit.Measured(abs(slope - HERTZ), slope, HERTZ)
 
 
-def speed_up(results: Results) -> Measured:
+def speed_up(results: kit.Results) -> kit.Measured:
     """Speed-up of mixed over float64 at the hardest modulus: median over the seeds, run in turn."""
     hardest = PLANS[results.tier].hardest
     ratio = seconds(results, hardest) / seconds(results, hardest, MIXED)
-    return Measured(
-        float(np.median(ratio)), note=f"{len(ratio)} seeds, {ratio.min():.2f} to {ratio.max():.2f}"
-    )
+    note = f"{len(ratio)} seeds, {ratio.min():.2f} to {ratio.max():.2f}"
+    return kit.Measured(float(np.median(ratio)), note=note)
 
 
-def too_soft(results: Results) -> Measured:
+def too_soft(results: kit.Results) -> kit.Measured:
     """Largest modulus [Pa] whose flow or pile differs from the hardest's."""
     found = {y: significant(results, y).keys() - {CONTACTS} for y in PLANS[results.tier].moduli}
     note = "; ".join(f"{y:.3g} Pa: {', '.join(sorted(names))}" for y, names in found.items() if names)
-    return Measured(max((y for y, names in found.items() if names), default=0.0), note=note)
+    return kit.Measured(max((y for y, names in found.items() if names), default=0.0), note=note)
 
 
-def same(who: str, needs: tuple[str, ...], *pair: Configuration, **fields: Any) -> Check:
+def same(who: str, needs: tuple[str, ...], *pair: kit.Configuration, **fields: Any) -> kit.Check:
     """No significant difference of two configurations or codes over the seeds."""
-    return Check(
+    return kit.Check(
         name=f"dam break at the hardest modulus: least corrected p over all metrics ({who})",
         measure=lambda results: smallest_p(results, *pair), lo=ALPHA, tolerance=1.0, unit="1", needs=needs,
         tiers=TIERS, reason="exact permutation of the largest standardized gap over the seeds; no significant"
@@ -202,59 +189,45 @@ def same(who: str, needs: tuple[str, ...], *pair: Configuration, **fields: Any) 
     )  # fmt: skip
 
 
-def _plain(code: str) -> Configuration:
-    return Configuration(codes.title(code), code)
-
-
 CHECKS = (
     same("gpudem mixed", ("gpudem",), MIXED, against="gpudem float64", mark="R"),
-    PerPair(
+    kit.PerPair(
         lambda code, other: same(
-            codes.title(other), (code, other), _plain(other), _plain(code), mark="X",
+            codes.title(other), (code, other), *(kit.Configuration(c, c) for c in (other, code)), mark="X",
             against=codes.title(code),
         )
     ),
-    *(
-        early(
-            "dam break at the hardest modulus: center of mass, largest distance in 45 ms / diameter",
-            prefix=f"dam_{plan.hardest:.3g}_", until=EARLY, tiers=(tier,),
-            reason="same law, same scheme: rounding, before it has grown",
-            catches="an overlap that loses digits where it is a millionth of the radius",
-        )
-        for tier, plan in PLANS.items()
+    early(  # of the hardest modulus: other codes run no other
+        "dam break at the hardest modulus: center of mass, largest distance in 45 ms / diameter",
+        prefix="dam_", until=EARLY, tiers=TIERS, reason="same law and scheme: rounding, before it has grown",
+        catches="an overlap that loses digits where it is a millionth of the radius",
     ),
-    Check(
+    kit.Check(
         name="dam break: largest overlap of the bed against the modulus, slope less -2/3",
         measure=overlap_slope, tolerance=0.1, unit="1", against="Hertz (1882)", mark="A", tiers=TIERS,
         reason="the largest of some thousand contacts; force chains differ in a softer bed",
         catches="a stiffness that is not proportional to E, a modulus that does not act",
     ),
-    *(
-        Check(
-            name="dam break: largest modulus that changes the flow or the pile [Pa]",
-            measure=too_soft, lo=1e5, tolerance=plan.moduli[-3 if plan.hardest == TRUE else -2], unit="Pa",
-            against="the hardest modulus", mark="R", tiers=(tier,),
-            reason="the softest must differ, or the test has no power"
-            + ("; the hardest but one must not, or there is no stiff limit" if plan.hardest == TRUE else ""),
-            catches="a modulus that does not act; too few seeds to detect a bed of rubber",
-        )
-        for tier, plan in PLANS.items()
+    *kit.checks(
+        "dam break: largest modulus that changes the flow or the pile [Pa]", too_soft, lo=1e5,
+        tolerance={"standard": 1e6, "full": 5e7}, unit="Pa", against="the hardest modulus", mark="R",
+        reason="the softest must differ, or the test has no power; in the full tier, which has the true"
+        " modulus, the two below it must not, or there is no stiff limit",
+        catches="a modulus that does not act; too few seeds to detect a bed of rubber",
     ),
 )  # fmt: skip
-FINDINGS = (
-    Finding(
-        name="dam break: time of float64 / time of mixed at the hardest modulus, median over seeds",
-        measure=speed_up, unit="1", tiers=TIERS,
-        sentence="Speed-up of mixed: in a CPU's caches a float64 costs no more than a float32 that must be"
-        " converted; mixed saves memory there, and time with large beds.",
-    ),
+SPEED_UP = kit.Finding(
+    "dam break: time of float64 / time of mixed at the hardest modulus, median over seeds", speed_up, "1",
+    "Speed-up of mixed: in a CPU's caches a float64 costs no more than a float32 that must be converted;"
+    " mixed saves memory there, and time with large beds.",
+    tiers=TIERS,
 )  # fmt: skip
 
 
 # -- shown ---------------------------------------------------------------------------------------------------
 
 
-def draw_shift(ax: Axes, results: Results) -> None:
+def draw_shift(ax: Any, results: kit.Results) -> None:
     """Mean of each metric less that of the hardest, by the seeds' spread, against the modulus; filled marks
     differ significantly.
     """
@@ -262,7 +235,7 @@ def draw_shift(ax: Axes, results: Results) -> None:
     moduli = np.array([y for y in plan.moduli if y != plan.hardest])
     for k, name in enumerate((*METRICS, CONTACTS)):
         spread = float(sample(results, plan.hardest)[name].std(ddof=1))
-        shift = np.array([gap(results, y)[name][0] for y in moduli]) / spread
+        shift = np.array([gap(results, y)[name].difference for y in moduli]) / spread
         differs = np.array([name in significant(results, y) for y in moduli])
         look = {"marker": "osv^D<>"[k], "ms": 5, "color": plots.SERIES[k % 7]}
         ax.plot(moduli, shift, lw=0.9, mfc="none", label=name.partition(" [")[0], **look)
@@ -270,12 +243,11 @@ def draw_shift(ax: Axes, results: Results) -> None:
     ax.axhline(0, color="0.5", lw=0.8)
     ax.set(xscale="log", ylabel="change of the mean / standard deviation of a seed")
     ax.set_yscale("symlog", linthresh=1)
-    ticks = [-10, -3, -1, 0, 1, 3, 10]
-    ax.set_yticks(ticks, [f"{t:g}" for t in ticks])
+    ax.set_yticks(ticks := [-10, -3, -1, 0, 1, 3, 10], map(str, ticks))
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.17), ncol=2, fontsize=7)
 
 
-def table(results: Results) -> list[dict[str, Any]]:
+def table(results: kit.Results) -> kit.Rows:
     """Each modulus: steps, time, overlap, means of the metrics; then the hardest by all."""
     plan, rows = PLANS[results.tier], []
     everyone = [one for one in CONFIGURATIONS.among(results.codes()) if one != FLOAT64]
@@ -294,25 +266,25 @@ def table(results: Results) -> list[dict[str, Any]]:
     return rows
 
 
-def advice(results: Results) -> list[tuple[str, str]]:
+def advice(results: kit.Results) -> list[tuple[str, str]]:
     """(part of a dam break, down to which modulus it is the same, with the numbers of this run)."""
     return [(f"modulus, for {part}", _enough(results, part)) for part in PARTS]
 
 
-def _enough(results: Results, part: str) -> str:
+def _enough(results: kit.Results, part: str) -> str:
     """Down to which modulus a part is the same, how far that is known, what the next softer changes."""
-    plan = PLANS[results.tier]
-    good, soft = stiff_enough(results, part)
+    plan, (good, soft) = PLANS[results.tier], stiff_enough(results, part)
     if good == plan.hardest:
         text = "Only the hardest: every softer one differs."
     else:
+        bounds = {n: gap(results, good)[n].bound for n in PARTS[part]}
         depth = float(sample(results, good)[DEPTH].mean())
         cost = float(np.median(seconds(results, plan.hardest) / seconds(results, good)))
         text = (
             f"{number(good, 3)} Pa and more: {plan.seeds} seeds of a dam break show no significant difference"
             f" from {number(plan.hardest, 3)} Pa. Overlaps are up to {100 * depth:.1g} % of the radius, and"
             f" it takes 1/{cost:.2g} of the time. Differences within the 95 % confidence intervals:"
-            f" {_quantities(undetected(results, good, part), '.3g')}."
+            f" {_quantities(bounds, '.3g')}."
         )
     if not math.isnan(soft):
         shifts = {n: m for n, m in significant(results, soft).items() if n in PARTS[part]}

@@ -2,32 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.dam_break import checks, paper_scenes
 from comparisons.cases.dam_break import scenes as dam
 from comparisons.cases.single_contact.checks import step_by_step
 from comparisons.cases.single_contact.meetings import Meeting, overlap, relative_velocity
-from comparisons.harness.case import (
-    Case,
-    Figure,
-    Finding,
-    Measured,
-    PerCode,
-    Results,
-    Table,
-    Tier,
-    Variant,
-    largest,
-)
-from comparisons.harness.check_builders import per_code
+from comparisons.kit import LONG
 from comparisons.metrics import pile
 from comparisons.metrics import trace as measure
 from comparisons.report import plots
 
-LONG: tuple[Tier, ...] = ("standard", "full")
 MEETINGS = [Meeting(f"{v:g} m/s", 2 * k, 2 * k + 1) for k, v in enumerate(paper_scenes.SPEEDS)]
 #: Label -> (memory, damping of equation 11 as printed), and the name in figures.
 HEAPS = {
@@ -39,102 +28,96 @@ HEAPS = {
 LATE = 0.2
 
 
-def variants(tier: Tier) -> list[Variant]:
+def variants(tier: kit.Tier) -> list[kit.Variant]:
     made = [
-        Variant(f"impacts_{n}", paper_scenes.impacts(paper_scenes.FLIGHT / (n + 0.5)))
+        kit.Variant(f"impacts_{n}", paper_scenes.impacts(paper_scenes.FLIGHT / (n + 0.5)))
         for n in ((12, 50) if tier == "quick" else (12, 50, 150))
     ]
     if tier != "quick":
-        made += [Variant(name, paper_scenes.heap(*choice)) for name, (*choice, _) in HEAPS.items()]
+        made += [kit.Variant(name, paper_scenes.heap(*choice)) for name, (*choice, _) in HEAPS.items()]
     return made
 
 
-def rebounds(results: Results, code: str) -> list[float]:
+def rebounds(results: kit.Results, code: str) -> list[float]:
     """Restitution of each impact of the finest run; NaN where the balls have not separated."""
     run, up = results[results.finest("impacts"), code], np.array([0.0, 0.0, 1.0])
     found = [(measure.rebound(relative_velocity(run, m), up), overlap(run, m)[-1]) for m in MEETINGS]
     return [e if last < 0 else np.nan for e, last in found]
 
 
-def against_ode(results: Results, code: str) -> Measured:
-    """Largest relative error of 1 - e over the speeds."""
+def against_ode(results: kit.Results, code: str) -> dict[str, kit.Measured]:
+    """Relative error of 1 - e at each speed."""
     found = {}
     for speed, got in zip(paper_scenes.SPEEDS, rebounds(results, code), strict=True):
         want = paper_scenes.restitution(speed, False)
-        found[f"{speed:g} m/s"] = Measured(abs((1 - got) / (1 - want) - 1), got, want)
-    return largest(found)
+        found[f"{speed:g} m/s"] = kit.Measured(abs((1 - got) / (1 - want) - 1), got, want)
+    return found
 
 
-def kinetic(results: Results, label: str, code: str) -> tuple[np.ndarray, np.ndarray]:
-    """(time after the opening [s], kinetic energy with rotation [J])."""
-    run = results[label, code]
-    energy = run.history["kinetic_energy"] + run.history["rotational_energy"]
-    return run.history["time"].to_numpy() - dam.opening(run), energy.to_numpy()
-
-
-def late_energy(results: Results, label: str, code: str) -> float:
+def late_energy(results: kit.Results, label: str, code: str) -> float:
     """Mean kinetic energy of the last 0.2 s [J]."""
-    time, energy = kinetic(results, label, code)
+    time, energy = dam.kinetic(results[label, code])
     return float(energy[time > time[-1] - LATE].mean())
 
 
-def centre(results: Results, label: str, code: str) -> np.ndarray:
+def centre(results: kit.Results, label: str, code: str) -> np.ndarray:
     """Center of mass at the end [m]."""
     frame = results[label, code].frames[-1]
     return pile.centre_of_mass(frame["position"], frame["radius"])
 
 
-def creep(results: Results, code: str) -> Measured:
-    without, memory = (late_energy(results, label, code) for label in ("heap_forgets", "heap_keeps"))
-    return Measured(without / memory, note=f"{1e3 * without:.2g} mJ and {1e3 * memory:.2g} mJ")
+def without_memory(
+    name: str, unit: str, of: Callable[[kit.Results, str, str], float], **fields: Any
+) -> kit.PerCode:
+    """of(results, label, code) of the heap without memory / that of the heap with it; `unit`: 1e-3 of its."""
+
+    def measure(results: kit.Results, code: str) -> kit.Measured:
+        without, memory = (of(results, label, code) for label in ("heap_forgets", "heap_keeps"))
+        note = f"{1e3 * without:.3g} {unit} and {1e3 * memory:.3g} {unit}"
+        return kit.Measured(without / memory, note=note)
+
+    return kit.per_code(
+        name, measure, against="the law with memory", mark="R", tiers=LONG,
+        catches="`no_history` that stores something, `history` that loses it", **fields,
+    )  # fmt: skip
 
 
-def sinking(results: Results, code: str) -> Measured:
-    without, memory = (float(centre(results, label, code)[2]) for label in ("heap_forgets", "heap_keeps"))
-    return Measured(without / memory, note=f"{1e3 * without:.1f} mm and {1e3 * memory:.1f} mm")
-
-
-def _restitution_table(results: Results) -> list[dict[str, Any]]:
+def _restitution_table(results: kit.Results) -> kit.Rows:
     found = {plots.name(code): rebounds(results, code) for code in results.codes()}
     return [
-        {"speed [m/s]": speed, "put in": paper_scenes.PUT_IN}
-        | {"ODE, gamma sqrt(R h) v": f"{paper_scenes.restitution(speed, False):.8g}"}
-        | {"ODE, gamma sqrt(R) h v": f"{paper_scenes.restitution(speed, True):.8g}"}
+        {"speed [m/s]": speed, "put in": paper_scenes.PUT_IN,
+         "ODE, gamma sqrt(R h) v": f"{paper_scenes.restitution(speed, False):.8g}",
+         "ODE, gamma sqrt(R) h v": f"{paper_scenes.restitution(speed, True):.8g}"}
         | {code: f"{e[k]:.8g}" for code, e in found.items()}
         for k, speed in enumerate(paper_scenes.SPEEDS)
-    ]
+    ]  # fmt: skip
 
 
-def _heap_table(results: Results) -> list[dict[str, Any]]:
-    rows = []
-    for label, (_, _, name) in HEAPS.items():
-        for code in results.codes(label):
-            x, _, z = 1e3 * centre(results, label, code)
-            row = {
-                "law": name,
-                "code": plots.name(code),
-                "center of mass x [mm]": x,
-                "center of mass z [mm]": z,
-            }
-            rows.append(row | {"kinetic energy at the end [mJ]": 1e3 * late_energy(results, label, code)})
-    return rows
+def _heap_table(results: kit.Results) -> kit.Rows:
+    return [
+        {"law": name, "code": plots.name(code), "center of mass x [mm]": 1e3 * center[0],
+         "center of mass z [mm]": 1e3 * center[2],
+         "kinetic energy at the end [mJ]": 1e3 * late_energy(results, label, code)}
+        for label, (_, _, name) in HEAPS.items() for code in results.codes(label)
+        for center in [centre(results, label, code)]
+    ]  # fmt: skip
 
 
-def _figure(results: Results) -> plots.Figure:
+def _figure(results: kit.Results) -> plots.Figure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
     for k, (label, (_, _, name)) in enumerate(HEAPS.items()):
         for code in results.codes(label):
-            time, energy = kinetic(results, label, code)
+            time, energy = dam.kinetic(results[label, code])
             look = {"ls": "-" if code == "gpudem" else (0, (4, 2)), "lw": 1.2, "color": plots.SERIES[k]}
             left.semilogy(time[time > 0], energy[time > 0], label=f"{name}, {plots.name(code)}", **look)
-            right.plot(1e3 * dam.PROFILE_AT, 1e3 * dam.heights(results, label, code, dam.PROFILE_AT), **look)
+            right.plot(1e3 * dam.PROFILE_AT, 1e3 * dam.heights(results, label, code), **look)
     left.set(xlabel="time after the opening [s]", ylabel="kinetic energy [J]")
     right.set(xlabel="x [mm]", ylabel="height at the end [mm]")
     plots.legend(left, fontsize=7.5)
     return figure
 
 
-CASE = Case(
+CASE = kit.Case(
     name="paper_law",
     title="The paper's contact law as printed",
     purpose=(
@@ -150,23 +133,19 @@ CASE = Case(
     variants=variants,
     checks=(
         *step_by_step(MEETINGS, spin=False, prefix="impacts_"),
-        per_code(
+        kit.per_code(
             "what an impact loses, 1 - e, largest relative error", against_ode, tolerance=5e-3,
             against="ODE (DOP853, rtol 1e-12)",
             reason="only 2e-4 of the speed is lost, the error of the scheme is a hundredth of it",
             catches="a gamma_n that is not gamma/m*, another power of the overlap",
         ),
-        per_code(
-            "kinetic energy at the end, heap without memory / with memory", creep, lo=10.0, tolerance=1e6,
-            against="the law with memory", mark="R", tiers=LONG,
-            reason="without memory a heap creeps: measured values are 20 to 200",
-            catches="`no_history` that stores something, `history` that loses it",
+        without_memory(
+            "kinetic energy at the end, heap without memory / with memory", "mJ", late_energy, lo=10.0,
+            tolerance=1e6, reason="without memory a heap creeps: measured values are 20 to 200",
         ),
-        per_code(
-            "height of the center of mass at the end, without memory / with memory", sinking, lo=0.5,
-            tolerance=0.95, against="the law with memory", mark="R", tiers=LONG,
-            reason="a heap that creeps is lower",
-            catches="`no_history` that stores something, `history` that loses it",
+        without_memory(
+            "height of the center of mass at the end, without memory / with memory", "mm",
+            lambda *run: centre(*run)[2], lo=0.5, tolerance=0.95, reason="a heap that creeps is lower",
         ),
         checks.early(
             "heaps: center of mass in the first 0.07 s, largest distance between the codes / diameter",
@@ -175,17 +154,16 @@ CASE = Case(
         ),
     ),
     findings=(
-        PerCode(
-            lambda code: Finding(
-                name=f"restitution that comes out where 0.9 was put in, lowest at 0.1 to 3 m/s ({code})",
-                measure=lambda results: Measured(min(rebounds(results, code)), expected=paper_scenes.PUT_IN),
-                unit="1", needs=(code,),
-                sentence="The printed equations, taken in SI units, make the balls almost elastic.",
+        kit.PerCode(
+            lambda code: kit.Finding(
+                f"restitution that comes out where 0.9 was put in, lowest at 0.1 to 3 m/s ({code})",
+                lambda results: kit.Measured(min(rebounds(results, code)), expected=paper_scenes.PUT_IN),
+                "1", "The printed equations, taken in SI units, make the balls almost elastic.", (code,),
             )
         ),
     ),
     figures=(
-        Figure(
+        kit.Figure(
             "A heap without memory",
             "Left: kinetic energy; without memory the heap creeps on. Right: the heap at the end. After the"
             " first tenths of a second the codes agree in the shape of the heap, not ball by ball.",
@@ -193,10 +171,13 @@ CASE = Case(
         ),
     ),
     tables=(
-        Table("Restitution", "What results; the second reading cannot be stated in the codes.",
-              _restitution_table),
-        Table("Heaps", "515 balls of 20 mm, reduced modulus, 1.5 s after the opening.", _heap_table,
-              tiers=LONG),
+        kit.Table(
+            "Restitution", "What results; the second reading cannot be stated in the codes.",
+            _restitution_table,
+        ),
+        kit.Table(
+            "Heaps", "515 balls of 20 mm, reduced modulus, 1.5 s after the opening.", _heap_table, tiers=LONG
+        ),
     ),
     features=("normal hertz/stiffness", "tangential no_history", "damping", "sphere-sphere", "bulk flow"),
     order=48,

@@ -52,11 +52,9 @@ def impacts(dt: float) -> Scene:
     """Pairs of balls head-on, one a speed, under equations 6 and 7."""
     kn, kt = stiffness(dam.BALL, dam.BALL)
     g = gamma(PUT_IN, MASS_STAR, kn * math.sqrt(RADIUS_STAR)) / MASS_STAR
-    position, velocity = [], []
-    for k, v in enumerate(SPEEDS):
-        for side in (1.0, -1.0):
-            position.append((0.02 * k, 0.0, side * (dam.RADIUS + 0.5 * v * FLIGHT)))
-            velocity.append((0.0, 0.0, -side * 0.5 * v))
+    sides = [(k, v, side) for k, v in enumerate(SPEEDS) for side in (1.0, -1.0)]
+    position = [(0.02 * k, 0.0, side * (dam.RADIUS + 0.5 * v * FLIGHT)) for k, v, side in sides]
+    velocity = [(0.0, 0.0, -side * 0.5 * v) for _, v, side in sides]
     return Scene(
         name="paper_law", title=f"balls head-on under equations 6 and 7, step {dt:.3g} s",
         materials={"ball": dam.BALL},
@@ -73,8 +71,7 @@ def heap(memory: bool, printed_damping: bool) -> Scene:
 
     printed_damping: gamma of equation 11; else a viscoelastic one that gives 0.9 at 1 m/s.
     """
-    base = HEAP.scene()
-    pairs = []
+    base, pairs = HEAP.scene(), []
     mass = base.materials["polystyrene"].density * 4 / 3 * math.pi * HEAP.radius**3
     for p in base.pairs:
         a, b = (base.materials[m] for m in p.materials)

@@ -1,6 +1,4 @@
-"""The dam break of Park, Jun, Sohn and Lee (2014) as scenes of any grain size, and what is measured on its
-runs.
-"""
+"""The dam break of Park, Jun, Sohn and Lee (2014) as scenes of any grain size, and measures of its runs."""
 
 from __future__ import annotations
 
@@ -9,7 +7,7 @@ import math
 
 import numpy as np
 
-from comparisons.harness.case import Results
+from comparisons import kit
 from comparisons.metrics import pile
 from gpudem.output.run import Run
 from gpudem.scene import Domain, Lattice, Material, Output, Pair, Plane, Scene, Time
@@ -40,11 +38,8 @@ EARLY = 0.07
 
 
 def printed_restitution(factor: float, mass: float, radius: float, young: float, poisson: float) -> float:
-    """Restitution behind a printed damping factor: its equations 11 and 12 solved for e.
-
-    gamma = sqrt(4 m' k/(1 + beta^2)), beta = pi/ln e, k = 2/3 E/(1 - nu^2) sqrt(R_eff): the formula of a
-    linear spring with a Hertz coefficient, whose units do not match; it is used here only to
-    invert the calculation of the authors.
+    """Restitution behind a printed damping factor: the paper's equations 11 and 12 (`paper_scenes`), whose
+    units do not match, solved for e only to invert the calculation of the authors.
     """
     k = 2 / 3 * young / (1 - poisson**2) * math.sqrt(radius)
     return math.exp(-math.pi / math.sqrt(4 * mass * k / factor**2 - 1))
@@ -53,12 +48,10 @@ def printed_restitution(factor: float, mass: float, radius: float, young: float,
 #: Ball on ball, 0.90: printed factor 6.4817; m' and R_eff of two balls, and the E = 3.2 GPa that the factor
 #: fits.
 BALL_RESTITUTION = round(printed_restitution(6.4817, MASS / 2, RADIUS / 2, 3.2e9, 0.34), 2)
-#: Ball on acrylic: printed factor 1.7586, read with the m' and R_eff of two balls; a reading, not a
-#: certainty.
+#: Ball on acrylic: printed factor 1.7586; that m' and R_eff are those of two balls is a guess.
 WALL_RESTITUTION = round(printed_restitution(1.7586, MASS / 2, RADIUS / 2, 3.2e9, 0.37), 2)
-#: Friction is not printed. Tables give 0.3 (on steel) to 0.5 (on itself) for dry polystyrene, 0.4 to 0.5
-#: for acrylic on steel, for flat pieces; smooth balls lie at the lower end. The wall has WALL_FRICTION
-#: times the ball's.
+#: Friction is not printed. Tables give 0.3 (on steel) to 0.5 (on itself) for flat dry polystyrene, 0.4 to 0.5
+#: for acrylic on steel; smooth balls lie at the lower end. The wall has WALL_FRICTION times the ball's.
 BALL_FRICTION, WALL_FRICTION = 0.3, 0.8
 
 
@@ -100,20 +93,12 @@ class Dam:
         if self.young:
             ball, wall = (m.model_copy(update={"young": self.young}) for m in (BALL, ACRYLIC))
         margin, mu = 2 * self.radius, self.friction
-        planes = [
-            Plane(name="floor", material="acrylic", point=(0, 0, 0), normal=(0, 0, 1)),
-            Plane(name="near", material="acrylic", point=(0, 0, 0), normal=(1, 0, 0)),
-            Plane(name="far", material="acrylic", point=(LENGTH, 0, 0), normal=(-1, 0, 0)),
-            Plane(
-                name="gate", material="acrylic", point=(self.gate, 0, 0), normal=(-1, 0, 0),
-                removed_at=self.opens,
-            ),
-        ]  # fmt: skip
+        planes = {"floor": ((0, 0, 0), (0, 0, 1)), "near": ((0, 0, 0), (1, 0, 0)),
+                  "far": ((LENGTH, 0, 0), (-1, 0, 0)), "gate": ((self.gate, 0, 0), (-1, 0, 0))}  # fmt: skip
         sides = (0.0, self.depth)
         if not self.slice:
             sides = (-margin, self.depth + margin)
-            planes.append(Plane(name="front", material="acrylic", point=(0, 0, 0), normal=(0, 1, 0)))
-            planes.append(Plane(name="back", material="acrylic", point=(0, DEPTH, 0), normal=(0, -1, 0)))
+            planes |= {"front": ((0, 0, 0), (0, 1, 0)), "back": ((0, DEPTH, 0), (0, -1, 0))}
         return Scene(
             name="dam_break",
             title=f"gate at {1e3 * self.gate:g} mm, {self.count} balls of {1e3 * self.radius:g} mm,"
@@ -121,17 +106,19 @@ class Dam:
             materials={"polystyrene": ball, "acrylic": wall},
             pairs=[
                 Pair(materials=("polystyrene", "polystyrene"), restitution=BALL_RESTITUTION, friction=mu),
-                Pair(
-                    materials=("polystyrene", "acrylic"), restitution=WALL_RESTITUTION,
-                    friction=WALL_FRICTION * mu,
-                ),
+                Pair(materials=("polystyrene", "acrylic"), restitution=WALL_RESTITUTION,
+                     friction=WALL_FRICTION * mu),
             ],
             particles=Lattice(
                 source="lattice", material="polystyrene", count=self.count, radius=self.radius,
                 lo=(0, 0, 0), hi=(self.gate, self.depth, 1.2 * HEIGHT), seed=self.seed,
             ),
             gravity=(0, 0, -GRAVITY),
-            walls=planes,
+            walls=[
+                Plane(name=name, material="acrylic", point=point, normal=normal,
+                      removed_at=self.opens if name == "gate" else None)
+                for name, (point, normal) in planes.items()
+            ],
             domain=Domain(
                 lo=(-margin, sides[0], -margin), hi=(LENGTH + margin, sides[1], 2 * HEIGHT),
                 periodic=(False, self.slice, False),
@@ -161,56 +148,52 @@ def _depth(run: Run) -> tuple[float, float]:
     return (domain.lo[1], domain.hi[1]) if domain.periodic[1] else (0.0, DEPTH)
 
 
-def heights(results: Results, label: str, code: str, at: np.ndarray, time: float | None = None) -> np.ndarray:
-    """Heights [m] at places along x, at the end or at a time [s] after the gate is removed."""
+def heights(results: kit.Results, label: str, code: str, at: np.ndarray = PROFILE_AT) -> np.ndarray:
+    """Heights [m] at places along x, at the end."""
     run = results[label, code]
 
     def compute() -> np.ndarray:
-        frame = run.frames[-1] if time is None else run.frames.at(opening(run) + time)
+        frame = run.frames[-1]
         return pile.height(frame["position"], frame["radius"], at, _depth(run), _period(run))
 
-    return results.once(("heights", label, code, len(at), time), compute)
+    return results.once(("heights", label, code, len(at)), compute)
 
 
 def arrival(run: Run) -> float:
     """Time after the opening [s] at which the first ball touches the far wall, from the dense history."""
-    reached = pile.arrival(
-        run.history["time"].to_numpy(),
-        run.history["front_x"].to_numpy(),
-        LENGTH - run.scene.state.radius.max(),
-    )
-    return reached - opening(run)
+    time, front = (run.history[name].to_numpy() for name in ("time", "front_x"))
+    return pile.arrival(time, front, LENGTH - run.scene.state.radius.max()) - opening(run)
 
 
-def measures(results: Results, label: str, code: str) -> dict[str, float]:
+def kinetic(run: Run) -> tuple[np.ndarray, np.ndarray]:
+    """(time after the opening [s], kinetic energy with rotation [J])."""
+    energy = run.history["kinetic_energy"] + run.history["rotational_energy"]
+    return run.history["time"].to_numpy() - opening(run), energy.to_numpy()
+
+
+def measures(results: kit.Results, label: str, code: str) -> dict[str, float]:
     """Every metric of one run, by name with its unit: heights at rest, others in the flow or over time."""
 
     def compute() -> dict[str, float]:
         run, read = results[label, code], heights(results, label, code, READ_AT)
-        flow, rest, start = run.frames.at(opening(run) + IN_FLOW), run.frames[-1], opening(run)
-        table = run.history[run.history["time"] >= start]
-        centers = [pile.centre_of_mass(frame["position"], frame["radius"]) for frame in (flow, rest)]
+        flow, (time, energy) = run.frames.at(opening(run) + IN_FLOW), kinetic(run)
+        centers = [pile.centre_of_mass(f["position"], f["radius"]) for f in (flow, run.frames[-1])]
         return {f"height at {1e3 * x:.0f} mm [mm]": 1e3 * h for x, h in zip(READ_AT, read, strict=True)} | {
             "run-out in flow [mm]": 1e3 * pile.run_out(flow["position"], flow["radius"], _period(run))[0],
             "center of mass x in flow [mm]": 1e3 * centers[0][0],
             "center of mass x at rest [mm]": 1e3 * centers[1][0],
             "center of mass z at rest [mm]": 1e3 * centers[1][2],
             "time to the far wall [ms]": 1e3 * arrival(run),
-            "largest kinetic energy [mJ]": 1e3 * float(
-                np.max(table["kinetic_energy"] + table["rotational_energy"])
-            ),
-        }  # fmt: skip
+            "largest kinetic energy [mJ]": 1e3 * float(energy[time >= 0].max()),
+        }
 
     return results.once(("measures", label, code), compute)
 
 
 def unrest(run: Run) -> float:
     """Kinetic energy with rotation in the last row before the opening, by the fall of the flow [1]."""
-    table = run.history
-    kinetic = np.asarray(table["kinetic_energy"] + table["rotational_energy"])
-    potential = np.asarray(table["potential_energy"])
-    before = np.asarray(table["time"]) < opening(run)
-    return float(kinetic[before][-1] / (potential[before][-1] - potential[~before].min()))
+    (time, energy), potential = kinetic(run), run.history["potential_energy"].to_numpy()
+    return float(energy[time < 0][-1] / (potential[time < 0][-1] - potential[time >= 0].min()))
 
 
 def bed(run: Run) -> dict[str, float]:

@@ -4,27 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.dam_break import modulus
 from comparisons.cases.dam_break.modulus import CONFIGURATIONS, FLOAT32, FLOAT64, MIXED
-from comparisons.harness.case import (
-    Case,
-    Check,
-    Figure,
-    Finding,
-    Measured,
-    PerCode,
-    Results,
-    Table,
-    Tier,
-    Variant,
-    largest,
-)
-from comparisons.harness.configurations import Configuration, Configurations
-from comparisons.harness.numbers import number
+from comparisons.kit import number
 from comparisons.oracles import step_limit
 from comparisons.oracles.bodies import bodies
 from comparisons.oracles.closed_forms import elastic_contact_time, static_overlap
@@ -44,7 +30,7 @@ STEPS, SWING, SWINGS = 300, 100, 12
 #: Restitution of the ball at rest: its oscillation decays as exp(-b w t), to 1e-9 and less in SWINGS.
 DEAD = 0.3
 #: A ball at rest is not timed.
-UNTIMED = Configurations(FLOAT64, MIXED, FLOAT32)
+UNTIMED = kit.Configurations(FLOAT64, MIXED, FLOAT32)
 #: Error above which float32 counts as failed.
 FLOAT32_FAILS = 0.01
 #: Balls in a side of the square that hits the floor at once; where the square stands [m].
@@ -96,7 +82,7 @@ def rest(young: float) -> Scene:
     )  # fmt: skip
 
 
-def variants(tier: Tier) -> list[Variant]:
+def variants(tier: kit.Tier) -> list[kit.Variant]:
     made = []
     for young in MODULI[tier]:
         made += CONFIGURATIONS.variants(f"impact_{young:.3g}", impact(young, SIDE[tier]))
@@ -122,63 +108,30 @@ def overlap_error(run: Run) -> float:
     return float(abs((RADIUS - (run.trace["position"][-1, 0, 2] - PLACE)) / want - 1))
 
 
-def over_moduli(results: Results, error: Callable[[float], float]) -> Measured:
-    """Largest error(modulus)."""
-    moduli = MODULI[results.tier]
-    return largest({f"{young:.3g} Pa": error(young) for young in moduli}, f"{len(moduli)} moduli")
+Error = Callable[[kit.Results, kit.Configuration, float], float]
 
 
-def impact_error(results: Results, by: Configuration, young: float) -> float:
+def over_moduli(error: Error) -> Callable[[kit.Results, kit.Configuration], dict[str, float]]:
+    """A measure of a configuration: error(results, configuration, modulus) of each modulus."""
+    return lambda results, by: {f"{y:.3g} Pa": error(results, by, y) for y in MODULI[results.tier]}
+
+
+def impact_error(results: kit.Results, by: kit.Configuration, young: float) -> float:
     return rebound_error(by.run(results, f"impact_{young:.3g}"))
 
 
-def depth_error(results: Results, by: Configuration, young: float) -> float:
+def depth_error(results: kit.Results, by: kit.Configuration, young: float) -> float:
     return overlap_error(by.run(results, f"rest_{young:.3g}"))
 
 
-def mixed(results: Results) -> Measured:
-    """Largest difference of rebound and net force at rest between mixed and float64."""
-
-    def difference(young: float) -> float:
-        a, b = (by.run(results, f"impact_{young:.3g}").trace["velocity"][-1] for by in (MIXED, FLOAT64))
-        c, d = (rest_error(by.run(results, f"rest_{young:.3g}")) for by in (MIXED, FLOAT64))
-        return max(float(np.abs(a - b).max() / SPEED), abs(c - d))
-
-    return over_moduli(results, difference)
+def from_float64(results: kit.Results, by: kit.Configuration, young: float) -> float:
+    """Larger difference from float64 of last velocity / impact speed and of net force at rest / weight."""
+    a, b = (one.run(results, f"impact_{young:.3g}").trace["velocity"][-1] for one in (by, FLOAT64))
+    c, d = (rest_error(one.run(results, f"rest_{young:.3g}")) for one in (by, FLOAT64))
+    return max(float(np.abs(a - b).max() / SPEED), abs(c - d))
 
 
-def code_checks(code: str) -> tuple[Check, ...]:
-    """Impact and rest in each configuration of a code but float32, which is a finding."""
-
-    def check(name: str, error: Any, by: Configuration, **fields: Any) -> Check:
-        return Check(
-            name=f"{name} ({by.title})", unit="1", against="closed form", mark="A", needs=(code,),
-            measure=lambda results: over_moduli(results, lambda young: error(results, by, young)), **fields,
-        )  # fmt: skip
-
-    precise = [by for by in CONFIGURATIONS.of(code) if by != FLOAT32]
-    return (
-        *(
-            check(
-                "rebound, largest error over the moduli", impact_error, by, tolerance=2e-3,
-                reason=f"first order: some (|ln e| + 0.1)/steps, {STEPS} steps per contact",
-                catches="an overlap lost in the rounding of positions",
-            )
-            for by in precise
-        ),
-        *(
-            check(
-                "overlap at rest, largest relative error over the moduli", depth_error, by, tolerance=1e-5,
-                reason="the oscillation has decayed to 1e-9; float64 positions at 0.7 m are rounded to 1e-16"
-                " m, overlaps are 1e-8 m",
-                catches="a ball that stops before it is at rest",
-            )
-            for by in precise
-        ),
-    )  # fmt: skip
-
-
-def draw(results: Results) -> plots.Figure:
+def draw(results: kit.Results) -> plots.Figure:
     """Errors of the impact and at rest, against the modulus."""
     figure, axes = plots.figure(1, 2, width=plots.WHOLE, height=3.6)
     moduli = MODULI[results.tier]
@@ -193,7 +146,7 @@ def draw(results: Results) -> plots.Figure:
     return figure
 
 
-def table(results: Results) -> list[dict[str, Any]]:
+def table(results: kit.Results) -> kit.Rows:
     """Steps and time for a second, and errors."""
     rows = []
     for young in MODULI[results.tier]:
@@ -208,7 +161,7 @@ def table(results: Results) -> list[dict[str, Any]]:
     return rows
 
 
-def draw_choice(results: Results) -> plots.Figure:
+def draw_choice(results: kit.Results) -> plots.Figure:
     """What a modulus changes in the dam break, which precision it needs, and what it costs."""
     figure, (shift, error, cost) = plots.figure(1, 3, width=plots.WHOLE, height=4.2)
     modulus.draw_shift(shift, results)
@@ -228,11 +181,11 @@ def draw_choice(results: Results) -> plots.Figure:
     return figure
 
 
-def _error(results: Results, young: float, by: Configuration) -> float:
+def _error(results: kit.Results, young: float, by: kit.Configuration) -> float:
     return max(impact_error(results, by, young), depth_error(results, by, young))
 
 
-def advice(results: Results) -> list[dict[str, str]]:
+def advice(results: kit.Results) -> kit.Rows:
     """Modulus and precision, in sentences with the numbers of this run."""
     moduli, dam = MODULI[results.tier], results.tier in modulus.PLANS
     failed = [y for y in moduli if not _error(results, y, FLOAT32) < FLOAT32_FAILS]
@@ -254,7 +207,7 @@ def advice(results: Results) -> list[dict[str, str]]:
     return [{"choose": what, "by": text} for what, text in rows]
 
 
-CASE = Case(
+CASE = kit.Case(
     name="stiffness",
     title="From rubber to steel",
     purpose=(
@@ -268,32 +221,43 @@ CASE = Case(
     source="Restitution of the law; overlap at rest (m g/k)^(2/3), Hertz (1882).",
     variants=variants,
     checks=(
-        PerCode(code_checks),
-        Check(
-            name="mixed against float64: last velocity / impact speed, net force at rest / weight, largest",
-            measure=mixed, tolerance=1e-5, unit="1", against="float64", mark="R",
+        kit.per_configuration(
+            CONFIGURATIONS, "rebound, largest error over the moduli", over_moduli(impact_error),
+            without=(FLOAT32,), tolerance=2e-3, against="closed form",
+            reason=f"first order: some (|ln e| + 0.1)/steps, {STEPS} steps per contact",
+            catches="an overlap lost in the rounding of positions",
+        ),
+        kit.per_configuration(
+            CONFIGURATIONS, "overlap at rest, largest relative error over the moduli",
+            over_moduli(depth_error), without=(FLOAT32,), tolerance=1e-5, against="closed form",
+            reason="the oscillation has decayed to 1e-9; float64 positions at 0.7 m are rounded to 1e-16 m,"
+            " overlaps are 1e-8 m",
+            catches="a ball that stops before it is at rest",
+        ),
+        *kit.checks(
+            "mixed against float64: last velocity / impact speed, net force at rest / weight, largest",
+            lambda results: over_moduli(from_float64)(results, MIXED), 1e-5, against="float64", mark="R",
             reason="forces are rounded to 6e-8, a contact adds some hundred of them",
             catches="positions or velocities accumulated in float32",
         ),
         *modulus.CHECKS,
     ),
     findings=(
-        Finding(
-            name="float32: overlap at rest, largest relative error over the moduli",
-            measure=lambda results: over_moduli(results, lambda y: depth_error(results, FLOAT32, y)),
-            unit="1",
-            sentence="float32 is not accurate here: the overlap is lost in the spacing of positions.",
+        kit.Finding(
+            "float32: overlap at rest, largest relative error over the moduli",
+            lambda results: kit.largest(over_moduli(depth_error)(results, FLOAT32)), "1",
+            "float32 is not accurate here: the overlap is lost in the spacing of positions.",
         ),
-        *modulus.FINDINGS,
+        modulus.SPEED_UP,
     ),
     figures=(
-        Figure(
+        kit.Figure(
             "How stiff: what a modulus changes, which precision it needs, what it costs",
             "Left: the dam break over its seeds, against the hardest; filled marks: significant (p < 0.01)."
             " Middle: impact and ball at rest. Right: stepping only.",
             draw_choice, tiers=modulus.TIERS, section="advice", recorded=True,
         ),
-        Figure(
+        kit.Figure(
             "Error against the modulus at the same number of steps per contact",
             "Left: impacts at 0.1 m/s, 0.7 m from the origin. Right: a ball that comes to rest. float32 loses"
             " the overlap in the spacing of its positions (6e-8 m there).",
@@ -301,16 +265,16 @@ CASE = Case(
         ),
     ),
     tables=(
-        Table(
+        kit.Table(
             "How stiff: which modulus and precision to use", "Numbers of this run; grains of 3 mm.", advice,
             section="advice", recorded=True,
         ),
-        Table(
+        kit.Table(
             "The dam break against the modulus",
             "Means and standard deviations over the seeds, measured as in the dam break's own case.",
             modulus.table, tiers=modulus.TIERS, section="limits", recorded=True,
         ),
-        Table(
+        kit.Table(
             "What stiffness costs",
             "Steps of one second at the same number of steps per contact; stepping time of a square of balls"
             " that hit the floor.",

@@ -3,43 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.limits import endurance_scenes as scenes
-from comparisons.harness.case import (
-    Case,
-    Check,
-    Figure,
-    Finding,
-    Measured,
-    PerCode,
-    Results,
-    Table,
-    Tier,
-    Variant,
-)
-from comparisons.harness.configurations import Configuration, Configurations, precisions
-from comparisons.harness.numbers import number
+from comparisons.kit import number
 from comparisons.report import plots
 
-if TYPE_CHECKING:
-    import pandas
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-CONFIGURATIONS = Configurations(*precisions())
+CONFIGURATIONS = kit.Configurations(*kit.precisions())
 DOUBLE, MIXED, SINGLE = CONFIGURATIONS.own
 #: Kinetic energy of a smooth bed at the end / that of its fall by a diameter; largest displacement / radius.
-STILL: dict[Tier, float] = {"quick": 1e-4, "standard": 1e-7, "full": 1e-13}
-CREEP: dict[Tier, float] = {"quick": 0.3, "standard": 1e-2, "full": 1e-6}
+STILL: dict[kit.Tier, float] = {"quick": 1e-4, "standard": 1e-7, "full": 1e-13}
+CREEP: dict[kit.Tier, float] = {"quick": 0.3, "standard": 1e-2, "full": 1e-6}
 #: Energy of the gas: each collision errs by about 1e-4 of itself, as the first contact falls somewhere within
 #: a step, and the sum is a random walk.
-DRIFT: dict[Tier, float] = {"quick": 2e-3, "standard": 5e-3, "full": 3e-2}
+DRIFT: dict[kit.Tier, float] = {"quick": 2e-3, "standard": 5e-3, "full": 3e-2}
 
 
-def variants(tier: Tier) -> list[Variant]:
+def variants(tier: kit.Tier) -> list[kit.Variant]:
     size = scenes.SIZES[tier]
     named = {"bed_smooth": scenes.bed(0.0, size.bed), "column": scenes.column(size.count),
              "gas": scenes.gas_of(size.collisions), "fine_gas": scenes.fine_gas()}  # fmt: skip
@@ -48,135 +30,110 @@ def variants(tier: Tier) -> list[Variant]:
     return [v for label, scene in named.items() for v in CONFIGURATIONS.variants(label, scene)]
 
 
-def still(results: Results, one: Configuration) -> Measured:
+def still(results: kit.Results, one: kit.Configuration) -> kit.Measured:
     """Largest kinetic energy in the last tenth of the run; NaN where the bed never fell by a diameter."""
     run = one.run(results, "bed_smooth")
-    time, energy = scenes.kinetic(run)
-    fell = scenes.fall(run)
+    (time, energy), fell = scenes.kinetic(run), scenes.fall(run)
     value = float(energy[time > 0.9 * time[-1]].max()) if fell > 1.0 else math.nan
-    return Measured(value, note=f"{time[-1]:g} s; at its start it fell by {fell:.2g} diameters")
+    return kit.Measured(value, note=f"{time[-1]:g} s; at its start it fell by {fell:.2g} diameters")
 
 
-def creep(results: Results, one: Configuration) -> Measured:
-    return Measured(scenes.creep(one.run(results, "bed_smooth")))
+def creep(results: kit.Results, one: kit.Configuration) -> float:
+    return scenes.creep(one.run(results, "bed_smooth"))
 
 
-def _column(results: Results, one: Configuration) -> tuple[float, float]:
+def column(results: kit.Results, one: kit.Configuration, which: int) -> float:
+    """Largest displacement in the column at rest (0) / that of the wave; error of the wave (1) / the same."""
     run = one.run(results, "column")
-    return results.once(("column", one.title), lambda: scenes.column_errors(run))
+    return results.once(("column", one.title), lambda: scenes.column_errors(run))[which]
 
 
-def _gas(results: Results, one: Configuration) -> tuple[np.ndarray, np.ndarray]:
+def gas(results: kit.Results, one: kit.Configuration) -> tuple[np.ndarray, np.ndarray, float]:
+    """(time [s], energy / that at the start - 1, collisions) of the long gas."""
     run = one.run(results, "gas")
-    return results.once(("gas", one.title), lambda: scenes.gas_energy(run))
+    return results.once(("gas", one.title), lambda: (*scenes.gas_energy(run), scenes.collisions(run)))
 
 
-def drift(results: Results, one: Configuration) -> Measured:
+def drift(results: kit.Results, one: kit.Configuration) -> kit.Measured:
     """Largest change of the energy; NaN where there were fewer collisions than the tier promises."""
-    _, energy = _gas(results, one)
-    many = scenes.collisions(one.run(results, "gas"))
+    _, energy, many = gas(results, one)
     enough = many >= scenes.SIZES[results.tier].collisions
     note = f"{many:.3g} collisions; {energy[-10:].mean():.1e} at the end"
-    return Measured(float(np.abs(energy).max()) if enough else math.nan, note=note)
+    return kit.Measured(float(np.abs(energy).max()) if enough else math.nan, note=note)
 
 
-def fine(results: Results, one: Configuration) -> Measured:
+def fine(results: kit.Results, one: kit.Configuration) -> kit.Measured:
     """Largest change of the energy; NaN where too few rows have contacts, or none."""
     run = one.run(results, "fine_gas")
     energy, rows = scenes.fine_energy(run), len(run.history["time"])
     tenth = len(energy) // 10
     note = f"last tenth less first: {energy[-tenth:].mean() - energy[:tenth].mean():.1e}; {rows} rows"
     enough = rows / 4 < len(energy) < rows - 100
-    return Measured(float(np.abs(energy).max()) if enough else math.nan, note=note)
+    return kit.Measured(float(np.abs(energy).max()) if enough else math.nan, note=note)
 
 
-def _draw(results: Results) -> MatplotlibFigure:
+def _draw(results: kit.Results) -> plots.Figure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.6)
+    looks = {"bed_smooth": {"lw": 1.1}, "bed_rough": {"lw": 0.7, "alpha": 0.6, "label": None}}
     for one in CONFIGURATIONS.among(results.codes()):
-        for bed, look in (
-            ("bed_smooth", {"lw": 1.1}),
-            ("bed_rough", {"lw": 0.7, "alpha": 0.6, "label": None}),
-        ):
+        for bed, look in looks.items():
             if one.key(bed) in results.runs:
                 time, energy = scenes.kinetic(one.run(results, bed))
                 left.semilogy(time[1:], np.maximum(energy[1:], 1e-40), **one.line(**look))
-        time, energy = _gas(results, one)
-        right.plot(time / time[-1] * scenes.collisions(one.run(results, "gas")), energy, **one.line(lw=1.1))
+        time, energy, many = gas(results, one)
+        right.plot(time / time[-1] * many, energy, **one.line(lw=1.1))
     left.set(xlabel="time [s]", ylabel="kinetic energy / fall of the bed by a diameter")
     right.set(xlabel="collisions", ylabel="energy / start - 1")
-    plots.legend(left)
-    plots.legend(right)
+    plots.legend(left, right)
     return figure
 
 
-def _energy_left(results: Results, one: Configuration, bed: str = "bed_smooth") -> float:
+def _energy_left(results: kit.Results, one: kit.Configuration, bed: str = "bed_smooth") -> float:
     return float(scenes.kinetic(one.run(results, bed))[1][-1])
 
 
-def _table(results: Results) -> pandas.DataFrame:
-    import pandas
-
+def _table(results: kit.Results) -> kit.Rows:
     rows = []
     for one in CONFIGURATIONS.among(results.codes()):
-        row: dict[str, object] = {"by": one.title}
+        found = {}
         for bed, words in (("bed_smooth", "bed"), ("bed_rough", "with friction")):
             if one.key(bed) in results.runs:
-                row[f"{words}: kinetic energy at the end"] = number(_energy_left(results, one, bed), 2)
-                row[f"{words}: displacement / radius"] = number(scenes.creep(one.run(results, bed)), 2)
-        at_rest, wave = _column(results, one)
-        row["column at rest: displacement / that of the wave"] = number(at_rest, 2)
-        row["column: error of the wave"] = number(wave, 2)
-        energy, gas = _gas(results, one)[1], one.run(results, "gas")
-        row["gas: energy, largest change"] = number(float(np.abs(energy).max()), 2)
-        gain = float(energy[-10:].mean()) * len(gas.scene.state) / (2 * scenes.collisions(gas))
-        row["gas: gain in a collision / energy of the two"] = number(gain, 1)
-        rows.append(row)
-    return pandas.DataFrame(rows)
+                found[f"{words}: kinetic energy at the end"] = _energy_left(results, one, bed)
+                found[f"{words}: displacement / radius"] = scenes.creep(one.run(results, bed))
+        _, energy, many = gas(results, one)
+        found |= {
+            "column at rest: displacement / that of the wave": column(results, one, 0),
+            "column: error of the wave": column(results, one, 1),
+            "gas: energy, largest change": float(np.abs(energy).max()),
+            "gas: gain in a collision / energy of the two":
+                float(energy[-10:].mean()) * len(one.run(results, "gas").scene.state) / (2 * many),
+        }  # fmt: skip
+        rows.append({"by": one.title} | {name: number(value, 2) for name, value in found.items()})
+    return rows
 
 
-def _advice(results: Results) -> pandas.DataFrame:
-    import pandas
-
+def _advice(results: kit.Results) -> kit.Rows:
     double, mixed, single = (number(_energy_left(results, one), 1) for one in CONFIGURATIONS.own)
-    moved = max(float(np.abs(_gas(results, one)[1]).max()) for one in (DOUBLE, MIXED))
+    moved = max(float(np.abs(gas(results, one)[1]).max()) for one in (DOUBLE, MIXED))
     text = (
         f"A bed without friction comes to rest and stays at rest: after {scenes.SIZES[results.tier].bed:g} s"
         f" its kinetic energy is {double} (float64), {mixed} (mixed) and {single} (float32) of a fall by one"
-        " diameter; in float32 its balls move by"
-        f" {number(scenes.creep(SINGLE.run(results, 'bed_smooth')), 1)} of a radius in the last half. Over"
-        f" {number(scenes.collisions(DOUBLE.run(results, 'gas')), 1)} elastic collisions of {scenes.STEPS}"
-        f" steps each the energy changes by {number(moved, 1)} at most, in mixed as in float64."
+        f" diameter; in float32 its balls move by {number(creep(results, SINGLE), 1)} of a radius in the last"
+        f" half. Over {number(gas(results, DOUBLE)[2], 1)} elastic collisions of {scenes.STEPS} steps each"
+        f" the energy changes by {number(moved, 1)} at most, in mixed as in float64."
     )
-    return pandas.DataFrame([("duration", text)], columns=["choose", "by"])
+    return [{"choose": "duration", "by": text}]
 
 
-def _each(
-    name: str, measure: Callable[[Results, Configuration], Measured], tolerance: float | dict[Tier, float],
-    reason: str, catches: str, against: str, mixed: float | None = None,
-) -> PerCode[Check]:  # fmt: skip
-    """A check for float64, mixed and every other code; a tolerance by tier, or one and that of mixed."""
-
-    def make(code: str) -> tuple[Check, ...]:
-        made = []
-        for one in CONFIGURATIONS.of(code):
-            if one is SINGLE:
-                continue
-            same = mixed if one is MIXED and mixed is not None else tolerance
-            by_tier = same if isinstance(same, dict) else {None: same}
-            for tier, allowed in by_tier.items():
-                more: dict[str, Any] = {} if tier is None else {"tiers": (tier,)}
-                made.append(Check(
-                    name=f"{name} ({one.title})", measure=lambda results, one=one: measure(results, one),
-                    tolerance=allowed, unit="1", mark="A", against=against, reason=reason, catches=catches,
-                    needs=(code,), **more,
-                ))  # fmt: skip
-        return tuple(made)
-
-    return PerCode(make)
+def _each(name: str, measure, tolerance, reason: str, catches: str, against: str, **fields) -> kit.PerCode:
+    """A check of each configuration but float32."""
+    return kit.per_configuration(
+        CONFIGURATIONS, name, measure, without=(SINGLE,), tolerance=tolerance, reason=reason,
+        catches=catches, against=against, **fields,
+    )  # fmt: skip
 
 
-ODE = "ODE (DOP853, rtol 1e-10)"
-CASE = Case(
+CASE = kit.Case(
     name="endurance",
     title="At rest for a minute, a thousand balls high, ten million collisions",
     purpose=(
@@ -202,17 +159,18 @@ CASE = Case(
         ),
         _each(
             "column at rest: largest way of a ball / that of the wave beside it",
-            lambda results, one: Measured(_column(results, one)[0]), 1e-4,
+            lambda results, one: column(results, one, 0), 1e-4,
             "float64: 1e-16 of 6 m by 5e-8 m, oscillating; mixed: 6e-8 of the overlaps of all contacts below,"
             " added up",
             "a column that sinks, an overlap that is off by the rounding of a height", "closed form",
-            mixed=0.05,
+            changes={MIXED.title: {"tolerance": 0.05}},
         ),
         _each(
             "column: wave from the top, largest error of the way / largest way",
-            lambda results, one: Measured(_column(results, one)[1]), 0.004,
+            lambda results, one: column(results, one, 1), 0.004,
             "second order in the step: (w h)^2/24 of the fastest modes of a push; mixed: as at rest",
-            "a load passed on to the wrong neighbor, a spring constant off by a thousandth", ODE, mixed=0.05,
+            "a load passed on to the wrong neighbor, a spring constant off by a thousandth",
+            "ODE (DOP853, rtol 1e-10)", changes={MIXED.title: {"tolerance": 0.05}},
         ),
         _each(
             "gas: energy, largest change over all collisions", drift, DRIFT,
@@ -227,14 +185,14 @@ CASE = Case(
         ),
     ),
     findings=(
-        Finding(
+        kit.Finding(
             "column: error of the wave (gpudem float32)",
-            lambda results: Measured(_column(results, SINGLE)[1]), "1",
+            lambda results: column(results, SINGLE, 1), "1",
             "Largest error / largest displacement: float32 rounds heights by more than the overlaps change.",
         ),
     ),
     figures=(
-        Figure(
+        kit.Figure(
             "A bed that comes to rest, and the energy of a gas",
             "Left: kinetic energy of a bed without friction and (thin, full tier) with friction. Right:"
             " kinetic and elastic energy of an elastic gas. A collision errs by about 1e-4 of its energy in"
@@ -244,11 +202,11 @@ CASE = Case(
         ),
     ),
     tables=(
-        Table(
+        kit.Table(
             "How long: what becomes of a run in time", "Numbers of this run.", _advice, section="advice",
             recorded=True,
         ),
-        Table(
+        kit.Table(
             "Rest, waves and a gas",
             "Kinetic energy / that of a fall of the whole bed by one diameter; displacements in the last half"
             " of a run; times of this machine.",

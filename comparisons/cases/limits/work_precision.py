@@ -4,38 +4,26 @@ from __future__ import annotations
 
 import itertools
 import statistics
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
-import pandas
 
+from comparisons import kit
 from comparisons.cases.limits import work_scenes as work
 from comparisons.cases.limits.work_scenes import GROUPS, KINDS
 from comparisons.harness import codes
-from comparisons.harness.case import (
-    TIERS,
-    Case,
-    Check,
-    Figure,
-    Finding,
-    Measured,
-    PerCode,
-    PerPair,
-    Results,
-    Table,
-    Tier,
-    Variant,
-    largest,
-)
-from comparisons.harness.configurations import Configuration, Configurations
+from comparisons.kit import LONG, TIERS
 from comparisons.metrics.trace import observed_order
+from comparisons.report import plots
 
-HALF = Configuration("gpudem", mark="o")
-SINGLE = Configuration("gpudem float32", "gpudem", {"precision": "float32"}, "float32", mark="s")
-PATH = Configuration("gpudem path", "gpudem", {"integrator": "path"}, "path", mark="v")
-PATH_MIXED = Configuration(
+HALF = kit.Configuration("gpudem", mark="o")
+SINGLE = kit.Configuration("gpudem float32", "gpudem", {"precision": "float32"}, "float32", mark="s")
+PATH = kit.Configuration("gpudem path", "gpudem", {"integrator": "path"}, "path", mark="v")
+PATH_MIXED = kit.Configuration(
     "gpudem path mixed", "gpudem", {"integrator": "path", "precision": "mixed"}, "path_mixed", mark="^"
 )
-CONFIGURATIONS = Configurations(HALF, SINGLE, PATH, PATH_MIXED, timed_on=1)
+CONFIGURATIONS = kit.Configurations(HALF, SINGLE, PATH, PATH_MIXED, timed_on=1)
 #: Smallest step worth running with the integrator `path` [steps in a contact]; beyond, it is at rounding.
 FINEST_PATH = 320
 #: (kinds, steps in a contact, pairs in a group, repeats)
@@ -47,10 +35,9 @@ PLAN = {
 TARGETS = (0.01, 0.001)
 #: Steps in a contact between which the order is fitted: the usual range.
 FIT = (20, 320)
-LONG: tuple[Tier, ...] = ("standard", "full")
 
 
-def variants(tier: Tier) -> list[Variant]:
+def variants(tier: kit.Tier) -> list[kit.Variant]:
     """Repeats in turn. Codes that a user brings are not timed: another scheme has another order."""
     kinds, steps, pairs, repeats = PLAN[tier]
     asked = ("gpudem", *codes.references(tuple(codes.CODES)))
@@ -63,7 +50,7 @@ def variants(tier: Tier) -> list[Variant]:
 
 
 def curve(
-    results: Results, one: Configuration, kind: str, repeat: int = 0
+    results: kit.Results, one: kit.Configuration, kind: str, repeat: int = 0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(steps in a contact, stepping seconds, errors (steps, groups)) of one sweep of the step."""
 
@@ -77,7 +64,7 @@ def curve(
     return results.once(("curve", one.title, kind, repeat), compute)
 
 
-def order(results: Results, one: Configuration, kind: str, group: int) -> float:
+def order(results: kit.Results, one: kit.Configuration, kind: str, group: int) -> float:
     """Observed order in the time step of one group, over FIT."""
     steps, _, errors = curve(results, one, kind)
     fit = (steps >= FIT[0]) & (steps <= FIT[1])
@@ -85,8 +72,9 @@ def order(results: Results, one: Configuration, kind: str, group: int) -> float:
 
 
 def ratios(
-    results: Results, one: Configuration, reference: str, kind: str, group: int, target: float, cost: str
-) -> list[float]:
+    results: kit.Results, one: kit.Configuration, reference: str, kind: str, group: int, target: float,
+    cost: str,
+) -> list[float]:  # fmt: skip
     """Cost ("time" or "steps") of a reference code / that of a configuration, same error, by repeat."""
     found = []
     for repeat in range(PLAN[results.tier][3]):
@@ -98,51 +86,28 @@ def ratios(
     return found
 
 
-def gain(results: Results, reference: str, kind: str, cost: str) -> Measured:
+def gain(results: kit.Results, reference: str, kind: str, cost: str) -> kit.Measured:
     """Cost of gpudem path / that of a reference code at 0.1 % error, largest over e below 0.6."""
     value, e = min(
         (statistics.median(ratios(results, PATH, reference, kind, g, 0.001, cost)), e)
         for g, e in enumerate(GROUPS) if e < 0.6
     )  # fmt: skip
-    return Measured(1 / value, measured=value, note=f"the least gain is at e = {e:g}")
+    return kit.Measured(1 / value, measured=value, note=f"the least gain is at e = {e:g}")
 
 
-def same_error(results: Results, reference: str) -> Measured:
+def same_error(results: kit.Results, code: str, reference: str) -> dict[str, float]:
     """Largest relative difference of the errors of a reference code and of gpudem, same step and options."""
     apart = {}
     for kind in PLAN[results.tier][0]:
         ours, theirs = (curve(results, one, kind)[2] for one in (HALF, *CONFIGURATIONS.of(reference)))
         apart[kind] = float(np.abs(ours / theirs - 1).max())
-    return largest(apart)
+    return apart
 
 
-def _pair(code: str, reference: str) -> tuple[Check, ...]:
-    if codes.brought(code):
-        return ()
-    title, needs = codes.title(reference), (code, reference)
-    same = Check(
-        name=f"error of {title} and of gpudem half_step, largest relative difference on any rung",
-        measure=lambda results: same_error(results, reference), tolerance=1e-6, unit="1", against=title,
-        mark="X", needs=needs,
-        reason="equal options agree to rounding (1e-13 of the overlap) beside errors of 1e-6 and more",
-        catches="another law or another order of operations",
-    )  # fmt: skip
-    return (same, *(
-        Check(
-            name=f"steps of gpudem path / steps of {title} for 0.1 % error, {kind}",
-            measure=lambda results, kind=kind: gain(results, reference, kind, "steps"), tolerance=1 / 3,
-            unit="1", against=f"{title}, same contacts, same run", mark="X", needs=needs, tiers=LONG,
-            reason="the integrator of second order is to need at least 3 times fewer steps",
-            catches="damping evaluated at the wrong time or place: order one instead of two",
-        )
-        for kind in ("normal", "oblique")
-    ))  # fmt: skip
-
-
-def _times(code: str, reference: str) -> tuple[Finding, ...]:
+def _times(code: str, reference: str) -> tuple[kit.Finding, ...]:
     title = codes.title(reference)
     return () if codes.brought(code) else tuple(
-        Finding(
+        kit.Finding(
             f"stepping time of gpudem path / stepping time of {title} for 0.1 % error, {kind}",
             lambda results, kind=kind: gain(results, reference, kind, "time"), "1",
             "Same contacts, same run, one core; the largest over e = 0.3 and 0.5.", (code, reference), LONG,
@@ -152,26 +117,26 @@ def _times(code: str, reference: str) -> tuple[Finding, ...]:
 
 
 def _order(
-    one: Configuration, kind: str, e: tuple[float, ...], expected: float, slack: float, why: str
-) -> Check:
-    def measure(results: Results) -> Measured:
+    one: kit.Configuration, kind: str, e: tuple[float, ...], expected: float, slack: float, why: str
+) -> kit.Check:
+    def measure(results: kit.Results) -> kit.Measured:
         orders = {group: order(results, one, kind, g) for g, group in enumerate(GROUPS) if group in e}
         note = ", ".join(f"{v:.2f} at e = {group:g}" for group, v in orders.items())
         if expected > 1:  # a higher order than promised is no error
             value = min(orders.values())
-            return Measured(max(0.0, expected - value), measured=value, expected=expected, note=note)
+            return kit.Measured(max(0.0, expected - value), measured=value, expected=expected, note=note)
         value = max(orders.values(), key=lambda o: abs(o - expected))
-        return Measured(abs(value - expected), measured=value, expected=expected, note=note)
+        return kit.Measured(abs(value - expected), measured=value, expected=expected, note=note)
 
     name = one.title if one.code == "gpudem" else one.code
-    return Check(
+    return kit.Check(
         name=f"observed order of {name}, {kind}", measure=measure, tolerance=slack, unit="1",
         against="ODE (DOP853, rtol 1e-13)", mark="A", reason=why, needs=(one.code,),
         catches="an integrator of another order", tiers=LONG if kind != "normal" else TIERS,
     )  # fmt: skip
 
 
-def _orders(code: str) -> tuple[Check, ...]:
+def _orders(code: str) -> tuple[kit.Check, ...]:
     made = []
     for one in () if codes.brought(code) else CONFIGURATIONS.of(code):
         if "precision" in one.options:
@@ -186,22 +151,13 @@ def _orders(code: str) -> tuple[Check, ...]:
     return tuple(made)
 
 
-def _mixed(kind: str) -> Check:
-    def measure(results: Results) -> Measured:
-        exact, mixed = (curve(results, one, kind)[2] for one in (PATH, PATH_MIXED))
-        return Measured(float(np.abs(exact - mixed).max()), note=f"errors down to {exact.min():.2g}")
-
-    return Check(
-        name=f"what mixed precision adds to the error of path, {kind} / peak overlap",
-        measure=measure, tolerance=1e-5, unit="1", against="path in float64", mark="R",
-        tiers=LONG if kind != "normal" else TIERS,
-        reason="forces carry 6e-8 and the mean of the damping over a step ten to a hundred times that; a"
-        " hundredth of the error at 0.1 %",
-        catches="an overlap or a position in float32: 1e-3 and more",
-    )  # fmt: skip
+def added_by_mixed(results: kit.Results, kind: str) -> kit.Measured:
+    """Largest difference of the errors of path in float64 and in mixed."""
+    exact, mixed = (curve(results, one, kind)[2] for one in (PATH, PATH_MIXED))
+    return kit.Measured(float(np.abs(exact - mixed).max()), note=f"errors down to {exact.min():.2g}")
 
 
-def lead(results: Results) -> pandas.DataFrame:
+def lead(results: kit.Results) -> kit.Rows:
     """For 1 % and 0.1 %: steps and time of each reference code, and the ratios to those of gpudem."""
 
     def reached(value: float, digits: str) -> str:
@@ -214,28 +170,25 @@ def lead(results: Results) -> pandas.DataFrame:
         return f"{statistics.median(values):.1f}{spread}"
 
     rows = []
-    every = [(k, t, g) for k in PLAN[results.tier][0] for t in TARGETS for g in range(len(GROUPS))]
-    for reference, (kind, target, g) in itertools.product(codes.references(results.codes()), every):
+    every = itertools.product(codes.references(results.codes()), PLAN[results.tier][0], TARGETS, GROUPS)
+    for reference, kind, target, e in every:
+        g = GROUPS.index(e)
+        where = (reference, kind, g, target)
         steps, seconds, errors = curve(results, CONFIGURATIONS.of(reference)[0], kind)
         needed, taken = (work.cost_of(target, errors[:, g], cost) for cost in (steps, seconds))
-        where = (reference, kind, g, target)
-        rows.append(
-            {
-                "contacts": kind.replace("_", " "), "error": f"{100 * target:g} %", "e": GROUPS[g],
-                f"{codes.title(reference)}: steps a contact": reached(needed, ".0f"),
-                "stepping [s]": reached(taken, ".3f"),
-                "half_step: speed-up": text(ratios(results, HALF, *where, "time")),
-                "path: steps, times fewer": text(ratios(results, PATH, *where, "steps")[:1]),
-                "path: speed-up": text(ratios(results, PATH, *where, "time")),
-            }
-        )  # fmt: skip
-    return pandas.DataFrame(rows)
+        rows.append({
+            "contacts": kind.replace("_", " "), "error": f"{100 * target:g} %", "e": e,
+            f"{codes.title(reference)}: steps a contact": reached(needed, ".0f"),
+            "stepping [s]": reached(taken, ".3f"),
+            "half_step: speed-up": text(ratios(results, HALF, *where, "time")),
+            "path: steps, times fewer": text(ratios(results, PATH, *where, "steps")[:1]),
+            "path: speed-up": text(ratios(results, PATH, *where, "time")),
+        })  # fmt: skip
+    return rows
 
 
-def _panels(results: Results, draw, xlabel: str):
+def _panels(results: kit.Results, draw: Callable[[Any, str], None], xlabel: str) -> plots.Figure:
     """One panel for each kind of contact, errors upwards."""
-    from comparisons.report import plots
-
     kinds = PLAN[results.tier][0]
     figure, axes = plots.figure(1, len(kinds), width=plots.WHOLE, height=3.6, squeeze=False, sharey=True)
     for ax, kind in zip(axes[0], kinds, strict=True):
@@ -246,10 +199,8 @@ def _panels(results: Results, draw, xlabel: str):
     return figure
 
 
-def draw_time(results: Results):
-    from comparisons.report import plots
-
-    def draw(ax, kind: str) -> None:
+def draw_time(results: kit.Results) -> plots.Figure:
+    def draw(ax: Any, kind: str) -> None:
         for one in CONFIGURATIONS.among(results.codes()):
             # the fastest repeat of each step: time taken by other programs is not the code's
             seconds = np.min([curve(results, one, kind, r)[1] for r in range(PLAN[results.tier][3])], axis=0)
@@ -265,10 +216,8 @@ def draw_time(results: Results):
     return _panels(results, draw, "stepping time [s], one core")
 
 
-def draw_order(results: Results):
-    from comparisons.report import plots
-
-    def draw(ax, kind: str) -> None:
+def draw_order(results: kit.Results) -> plots.Figure:
+    def draw(ax: Any, kind: str) -> None:
         for g, e in enumerate(GROUPS):
             for one, line, mark, name in ((HALF, "--", "o", "half_step"), (PATH, "-", "^", "path")):
                 steps, _, errors = curve(results, one, kind)
@@ -279,7 +228,7 @@ def draw_order(results: Results):
     return _panels(results, draw, "steps in an elastic contact")
 
 
-CASE = Case(
+CASE = kit.Case(
     name="work_precision",
     title="What an accurate contact costs",
     purpose=(
@@ -294,23 +243,52 @@ CASE = Case(
     ),
     source="Exact motion: the contact ODE by DOP853, rtol 1e-13, from primary inputs.",
     variants=variants,
-    checks=(PerCode(_orders), PerPair(_pair), _mixed("normal"), _mixed("oblique")),
-    findings=(PerPair(_times),),
+    checks=(
+        kit.PerCode(_orders),
+        kit.per_pair(
+            "error of {other} and of gpudem half_step, largest relative difference on any rung", same_error,
+            brought=False, tolerance=1e-6,
+            reason="equal options agree to rounding (1e-13 of the overlap) beside errors of 1e-6 and more",
+            catches="another law or another order of operations",
+        ),
+        *(
+            kit.per_pair(
+                f"steps of gpudem path / steps of {{other}} for 0.1 % error, {kind}",
+                lambda results, code, other, kind=kind: gain(results, other, kind, "steps"),
+                brought=False, tolerance=1 / 3, tiers=LONG,
+                reason="the integrator of second order is to need at least 3 times fewer steps",
+                catches="damping evaluated at the wrong time or place: order one instead of two",
+            )
+            for kind in ("normal", "oblique")
+        ),
+        *(
+            kit.Check(
+                name=f"what mixed precision adds to the error of path, {kind} / peak overlap",
+                measure=lambda results, kind=kind: added_by_mixed(results, kind), tolerance=1e-5, unit="1",
+                against="path in float64", mark="R", tiers=tiers,
+                reason="forces carry 6e-8 and the mean of the damping over a step ten to a hundred times"
+                " that; a hundredth of the error at 0.1 %",
+                catches="an overlap or a position in float32: 1e-3 and more",
+            )
+            for kind, tiers in (("normal", TIERS), ("oblique", LONG))
+        ),
+    ),
+    findings=(kit.PerPair(_times),),
     figures=(
-        Figure(
+        kit.Figure(
             "Error against run time, e = 0.5",
             "One core each, the fastest repeat. Dotted: 1 % and 0.1 %. float32 stops where the rounding of"
             " its positions begins; mixed, with positions and velocities in float64, continues.",
             draw_time, section="lead",
         ),
-        Figure(
+        kit.Figure(
             "Error against steps in a contact",
             "half_step (dashed) is of first order wherever there is damping; path (full) is of second.",
             draw_order, section="lead",
         ),
     ),
     tables=(
-        Table(
+        kit.Table(
             "For 1 % and 0.1 % error",
             "Largest error of the trajectory / peak overlap. Times of one core; speed-up relative to the"
             " reference code, median of the repeats and (least to most).",

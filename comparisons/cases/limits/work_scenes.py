@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from comparisons.harness.case import Results
+from comparisons.kit import Results
 from comparisons.oracles import closed_forms
 from comparisons.oracles.bodies import bodies
 from comparisons.oracles.impact import Impact, impact
@@ -47,11 +47,6 @@ KINDS = {
     ),
     "oblique_default": Kind("oblique with friction, LIGGGHTS' default law", SLIDE, 0.1, {}),
 }  # fmt: skip
-
-
-def contact_time(scene: Scene) -> float:
-    """Elastic Hertz contact time [s] of the pairs."""
-    return closed_forms.elastic_contact_time(bodies(scene, 0, 1), SPEED)
 
 
 def scene(kind: str, steps: int, pairs: int, seed: int = 1) -> Scene:
@@ -92,13 +87,14 @@ def scene(kind: str, steps: int, pairs: int, seed: int = 1) -> Scene:
 
 @functools.cache
 def _period() -> float:
+    """Elastic Hertz contact time [s] of the pairs."""
     lone = Scene(
         name="lone", materials={"ball": BALL}, pairs=[{"materials": ("ball", "ball")}],
         particles={"source": "explicit", "radius": RADIUS, "material": "ball",
                    "position": [[0, 0, 0], [3 * RADIUS, 0, 0]]},
         domain={"lo": (-1, -1, -1), "hi": (1, 1, 1)}, time={"step": 1e-9, "duration": 1e-8},
     )  # fmt: skip
-    return contact_time(lone)
+    return closed_forms.elastic_contact_time(bodies(lone, 0, 1), SPEED)
 
 
 def truths(results: Results, stated: Scene, kind: str) -> list[Impact]:
@@ -109,12 +105,10 @@ def truths(results: Results, stated: Scene, kind: str) -> list[Impact]:
 
 
 def errors(results: Results, run: Run, kind: str) -> np.ndarray:
-    """Largest error of the distance vector over the run's snapshots / peak overlap, for each group.
-
-    The worst pair of each group; shape (groups,).
+    """Largest error of the distance vector over the snapshots and the pairs of a group / peak overlap; shape
+    (groups,).
     """
     trace, stated = run.trace, run.scene
-    assert trace is not None
     apart = trace["position"][:, ::2] - trace["position"][:, 1::2]
     start = stated.state.position[::2] - stated.state.position[1::2]
     approach = stated.state.velocity[0, 0] - stated.state.velocity[1, 0]

@@ -19,7 +19,7 @@ from typing import Literal
 
 import numpy as np
 
-from comparisons.harness.case import Unmeasured
+from comparisons.kit import Unmeasured
 from gpudem.errors import GpudemError
 from gpudem.event_driven.engine import Engine
 from gpudem.event_driven.problem import HardSphereProblem
@@ -113,15 +113,12 @@ def rungs(plan: dict[Search, tuple[tuple[int, ...], float]], repeats: int) -> di
     starts = {n: problem(n) for numbers, _ in plan.values() for n in numbers}
     for search in plan:
         engine_run(starts[min(starts)], 1e-3, search)  # compiled before it is timed
-    for _ in range(repeats):
-        for search, (numbers, work) in plan.items():
-            for n in numbers:
-                events = (
-                    work / (n * n / 2) if search == "pairs" else work / (1 + n / 1000 * (search == "scan"))
-                )
-                got = engine_run(starts[n], max(events, 30) / (EVENTS * n), search)
-                each = got.seconds / (got.events + 1)  # the search that finds the end is one too
-                best[search][n] = min(each, best[search].get(n, math.inf))
+    rounds = [(s, n, work) for s, (numbers, work) in plan.items() for n in numbers]
+    for search, n, work in rounds * repeats:
+        events = work / {"pairs": n * n / 2, "scan": 1 + n / 1000, "tree": 1}[search]
+        got = engine_run(starts[n], max(events, 30) / (EVENTS * n), search)
+        each = got.seconds / (got.events + 1)  # the search that finds the end is one too
+        best[search][n] = min(each, best[search].get(n, math.inf))
     return best
 
 

@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 import statistics
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas
 
+from comparisons import kit
 from comparisons.cases.performance import c_reference as event_speed
 from comparisons.cases.performance.c_reference import SEARCHES, Search, Timed
-from comparisons.harness.case import Case, Check, Figure, Finding, Measured, Results, Table, Tier
 from comparisons.report import plots
 
-if TYPE_CHECKING:
-    import pandas
-    from matplotlib.figure import Figure as MatplotlibFigure
-
 #: Number of disks -> (time to run to [s], repeats).
-C_PLAN: dict[Tier, dict[int, tuple[float, int]]] = {
+C_PLAN: dict[kit.Tier, dict[int, tuple[float, int]]] = {
     "quick": {300: (30.0, 3), 10_000: (1.0, 3)},
     "standard": {300: (60.0, 7), 10_000: (3.0, 5), 100_000: (0.3, 3)},
     "full": {300: (100.0, 15), 10_000: (10.0, 11), 100_000: (1.0, 7)},
 }
 ALL = (30, 100, 300, 1000, 3000, 10_000, 30_000, 100_000)
 #: Search -> (numbers of disks, work of a run: events, or pairs looked at), repeats.
-LADDER: dict[Tier, tuple[dict[Search, tuple[tuple[int, ...], float]], int]] = {
+LADDER: dict[kit.Tier, tuple[dict[Search, tuple[tuple[int, ...], float]], int]] = {
     "quick": ({"tree": (ALL[:6], 1e5), "scan": (ALL[:6], 2e4), "pairs": (ALL[:4], 5e7)}, 3),
     "standard": ({"tree": (ALL, 3e5), "scan": (ALL[:6], 1e5), "pairs": (ALL[:5], 1e8)}, 3),
     "full": ({"tree": (ALL, 1e6), "scan": (ALL[:7], 5e5), "pairs": (ALL[:5], 5e8)}, 7),
@@ -44,39 +40,39 @@ CACHED = 10_000
 LATE: dict[Search, int] = {"scan": 1000, "pairs": 300}
 
 
-def rungs(results: Results) -> dict[Search, dict[int, float]]:
+def rungs(results: kit.Results) -> dict[Search, dict[int, float]]:
     return results.once("rungs", lambda: event_speed.rungs(*LADDER[results.tier]))
 
 
-def beside_c(results: Results) -> tuple[str, dict[int, list[tuple[Timed, Timed]]]]:
+def beside_c(results: kit.Results) -> tuple[str, dict[int, list[tuple[Timed, Timed]]]]:
     return results.once("C", lambda: event_speed.beside_c(C_PLAN[results.tier]))
 
 
-def ratios(results: Results, n: int) -> list[float]:
+def ratios(results: kit.Results, n: int) -> list[float]:
     """Time of the engine over that of C, each repeat."""
     return [own.seconds / c.seconds for own, c in beside_c(results)[1][n]]
 
 
-def ratio(results: Results, n: int) -> Measured:
+def ratio(results: kit.Results, n: int) -> kit.Measured:
     found = ratios(results, n)
-    least, most = min(found), max(found)
-    return Measured(statistics.median(found), note=f"{len(found)} repeats in turn, {least:.2f} to {most:.2f}")
+    note = f"{len(found)} repeats in turn, {min(found):.2f} to {max(found):.2f}"
+    return kit.Measured(statistics.median(found), note=note)
 
 
-def same_work(results: Results) -> Measured:
+def same_work(results: kit.Results) -> kit.Measured:
     """Events that one program has more than the other, all sizes and repeats."""
     rows = [row for repeats in beside_c(results)[1].values() for row in repeats]
     gap = max(abs(own.height - c.height) for own, c in rows)
     off = sum(abs(own.events - c.events) + abs(own.collisions - c.collisions) for own, c in rows)
     events = sum(own.events for own, _ in rows)
-    return Measured(off, note=f"{events} events; mean heights at the end differ by {gap:.1g} m at most")
+    return kit.Measured(off, note=f"{events} events; mean heights at the end differ by {gap:.1g} m at most")
 
 
-def same_sequence(results: Results) -> Measured:
+def same_sequence(results: kit.Results) -> kit.Measured:
     """Collisions of the first 200 that are not the same by all three searches."""
     found = results.once("sequences", event_speed.same_sequence)
     rows = list(zip(*(found[s][:200] for s in SEARCHES), strict=True))
-    return Measured(sum(len(set(row)) > 1 for row in rows), note=f"{len(rows)} collisions of 30 disks")
+    return kit.Measured(sum(len(set(row)) > 1 for row in rows), note=f"{len(rows)} collisions of 30 disks")
 
 
 def exponent(times: dict[int, float], least: int = 0) -> float:
@@ -91,18 +87,16 @@ def logarithm(times: dict[int, float]) -> tuple[float, float]:
     return float(a), float(b)
 
 
-def growth(results: Results, search: Search) -> Measured:
+def growth(results: kit.Results, search: Search) -> kit.Measured:
     times, note = rungs(results)[search], ""
     if max(times) > CACHED:
-        near = exponent({k: v for k, v in times.items() if k <= CACHED})
-        note = (
-            f"; {near:.2f} up to {CACHED}, {exponent(times, CACHED):.2f} beyond, where memory is waited for"
-        )
+        near, far = exponent({k: v for k, v in times.items() if k <= CACHED}), exponent(times, CACHED)
+        note = f"; {near:.2f} up to {CACHED}, {far:.2f} beyond, where memory is waited for"
     least = max(LATE.get(search, 0), min(times))
-    return Measured(exponent(times, least), note=f"N = {least} to {max(times)}{note}")
+    return kit.Measured(exponent(times, least), note=f"N = {least} to {max(times)}{note}")
 
 
-def _figure(results: Results) -> MatplotlibFigure:
+def _figure(results: kit.Results) -> plots.Figure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
     for (search, times), color, mark in zip(rungs(results).items(), plots.SERIES, "os^", strict=False):
         label = f"{TITLES[search]}: N^{exponent(times, LATE.get(search, 0)):.2f}"
@@ -118,51 +112,32 @@ def _figure(results: Results) -> MatplotlibFigure:
     left.set(xscale="log", yscale="log", xlabel="particles N", ylabel="time per event [microseconds]")
     right.set(xscale="log", xlabel="particles N", ylabel="time per event [microseconds]")
     right.set_ylim(bottom=0)
-    plots.legend(left)
-    plots.legend(right)
+    plots.legend(left, right)
     return figure
 
 
-def c_table(results: Results) -> pandas.DataFrame:
-    import pandas
-
-    compiler, found = beside_c(results)
-    rows = []
+def c_table(results: kit.Results) -> pandas.DataFrame:
+    (compiler, found), rows = beside_c(results), []
     for n, repeats in found.items():
         own, c = (statistics.median(row[k].seconds for row in repeats) for k in (0, 1))
         first, quotients = repeats[0][0], ratios(results, n)
-        rows.append(
-            (n, first.events, first.collisions / own / 1e6, first.collisions / c / 1e6,
-             first.events / own / 1e6, statistics.median(quotients), min(quotients), max(quotients), compiler)
-        )  # fmt: skip
-    columns = ["N", "events", "gpudem, collisions per second [1e6]", "C, collisions per second [1e6]",
-               "gpudem, events per second [1e6]", "time / C", "least", "most", "compiler"]  # fmt: skip
-    return pandas.DataFrame(rows, columns=columns).round(3)
+        rows.append({
+            "N": n, "events": first.events,
+            "gpudem, collisions per second [1e6]": first.collisions / own / 1e6,
+            "C, collisions per second [1e6]": first.collisions / c / 1e6,
+            "gpudem, events per second [1e6]": first.events / own / 1e6,
+            "time / C": statistics.median(quotients), "least": min(quotients), "most": max(quotients),
+            "compiler": compiler,
+        })  # fmt: skip
+    return pandas.DataFrame(rows).round(3)
 
 
-def ladder_table(results: Results) -> pandas.DataFrame:
-    import pandas
-
-    times = rungs(results)
-    numbers = sorted({n for by_n in times.values() for n in by_n})
-    micro = {
-        f"{TITLES[s]} [microseconds per event]": [
-            1e6 * by_n[n] if n in by_n else float("nan") for n in numbers
-        ]
-        for s, by_n in times.items()
-    }
-    return pandas.DataFrame({"N": numbers, **micro}).round(3)
+def ladder_table(results: kit.Results) -> pandas.DataFrame:
+    micro = {f"{TITLES[s]} [microseconds per event]": times for s, times in rungs(results).items()}
+    return (1e6 * pandas.DataFrame(micro).sort_index()).round(3).rename_axis("N").reset_index()
 
 
-def _growth(search: Search) -> Finding:
-    late = "" if search == "tree" else ", late"
-    return Finding(
-        f"{TITLES[search]}: exponent of the time per event against N{late}", lambda r: growth(r, search), "1",
-        WORDS[search], (),
-    )  # fmt: skip
-
-
-CASE = Case(
+CASE = kit.Case(
     name="event_speed",
     title="What an event costs",
     purpose=(
@@ -175,13 +150,13 @@ CASE = Case(
     source="Qiita article on fast simulation of rigid spheres (2019); comparisons/data/hard_spheres.c.",
     variants=lambda tier: [],
     checks=(
-        Check(
+        kit.Check(
             name="first 200 collisions that differ between the three searches", measure=same_sequence,
             tolerance=0, unit="collisions", against="all pairs", mark="A", needs=(),
             reason="exact, before chaos multiplies rounding",
             catches="a search that is faster because it misses events",
         ),
-        Check(
+        kit.Check(
             name="events and collisions of the engine and of C, difference", measure=same_work, tolerance=0,
             unit="events", against="plain C", mark="X", needs=(),
             reason="the same arithmetic in the same order, to the last bit",
@@ -190,9 +165,15 @@ CASE = Case(
         ),
     ),
     findings=(
-        *(_growth(search) for search in SEARCHES),
         *(
-            Finding(
+            kit.Finding(
+                f"{TITLES[search]}: exponent of the time per event against N{', late' * (search in LATE)}",
+                lambda r, search=search: growth(r, search), "1", WORDS[search], (),
+            )
+            for search in SEARCHES
+        ),
+        *(
+            kit.Finding(
                 f"time of the engine / time of C, N = {n}", lambda r, n=n: ratio(r, n), "1",
                 "Median of repeats in turn, the same algorithm in plain C with -O2; the target is 1.5.", (),
             )
@@ -200,7 +181,7 @@ CASE = Case(
         ),
     ),
     figures=(
-        Figure(
+        kit.Figure(
             "Time per event against N",
             "Left: the three searches, least of the repeats; an event of all pairs is a collision, those of"
             " the others are also crossings of cells and outdated predictions. Right: the tree only, on a"
@@ -211,8 +192,10 @@ CASE = Case(
         ),
     ),
     tables=(
-        Table("Engine and plain C", "One core each, one right after the other; medians.", c_table, needs=()),
-        Table("Time per event", "One core; the same rules, the same compiler.", ladder_table, needs=()),
+        kit.Table(
+            "Engine and plain C", "One core each, one right after the other; medians.", c_table, needs=()
+        ),
+        kit.Table("Time per event", "One core; the same rules, the same compiler.", ladder_table, needs=()),
     ),
     features=("event-driven", "speed"),
     order=91,

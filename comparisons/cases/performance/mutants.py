@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import pandas
-
-from comparisons.harness.case import Case, Finding, Measured, Results, Table
+from comparisons.kit import Case, Finding, Measured, Results, Rows, Table
 from comparisons.mutation.recorded import load_record
 from comparisons.mutation.table import Mutation, load
 from comparisons.mutation.trial import CAUGHT, SURVIVED, UNKNOWN
@@ -43,14 +41,14 @@ def not_recorded(results: Results) -> Measured:
     return Measured(len(missing), note=", ".join(missing))
 
 
-def table(results: Results) -> pandas.DataFrame:
+def table(results: Results) -> Rows:
     """One row per mutant: the defect, and the members of the test set that detected it."""
     record = load_record()
-    rows = []
-    for row in record.rows if record else []:
-        members = dict.fromkeys(name.partition(":")[0] for name in row.caught_by)
-        rows.append((row.name, row.defect, row.outcome, ", ".join(members)))
-    return pandas.DataFrame(rows, columns=["mutant", "defect", "outcome", "caught by"])
+    return [
+        {"mutant": row.name, "defect": row.defect, "outcome": row.outcome,
+         "caught by": ", ".join(dict.fromkeys(name.partition(":")[0] for name in row.caught_by))}
+        for row in (record.rows if record else [])
+    ]  # fmt: skip
 
 
 def _caption() -> str:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from comparisons.bench.beds import COUNT, FRICTIONLESS, MATERIALS, PAIRS, bed_scene, bench_scene
 from comparisons.cases.gas import scenes as gases
-from comparisons.harness.case import Measured, Results, Tier, Variant, largest
+from comparisons.kit import Measured, Results, Rows, Tier, Variant, largest
 from gpudem.output.run import Run
 from gpudem.scene import Contact, Material, Output, Pair, Scene, Time
-
-if TYPE_CHECKING:
-    import pandas
 
 STEPS, REPEATS, GAS = 1500, 3, 4913
 #: Title -> whether kernels are specialized.
@@ -114,10 +111,8 @@ def same_motion(results: Results) -> Measured:
     return largest(found)
 
 
-def table(results: Results) -> pandas.DataFrame:
+def table(results: Results) -> Rows:
     """Bytes a ball and time of each scene, both ways."""
-    import pandas
-
     rows = []
     for name, both in _runs(results).items():
         row: dict[str, object] = {"scene": name}
@@ -128,4 +123,4 @@ def table(results: Results) -> pandas.DataFrame:
         ratio = _speed_up(both)
         row["time, everything / least"] = f"{np.median(ratio):.2f} ({ratio.min():.2f} to {ratio.max():.2f})"
         rows.append(row)
-    return pandas.DataFrame(rows)
+    return rows

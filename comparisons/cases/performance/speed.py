@@ -9,22 +9,11 @@ from typing import Any
 
 import pandas
 
+from comparisons import kit
 from comparisons.bench.beds import COUNT, bench_scene
 from comparisons.bench.command import LARGE
 from comparisons.harness import codes
-from comparisons.harness.case import (
-    Case,
-    Figure,
-    Finding,
-    Measured,
-    PerPair,
-    Results,
-    Table,
-    Tier,
-    Unmeasured,
-    Variant,
-)
-from comparisons.harness.configurations import Configuration, Configurations
+from comparisons.report import plots
 
 BEDS = ("settled", "flowing")
 #: (steps, repeats, core counts): a measurement takes 0.3 s in the quick tier, 3 s in the others.
@@ -32,54 +21,57 @@ PLAN = {"quick": (200, 1, (1,)), "standard": (1500, 3, (1, 2)), "full": (3000, 5
 LEAST = 1.4
 
 
-def variants(tier: Tier) -> list[Variant]:
+def variants(tier: kit.Tier) -> list[kit.Variant]:
     steps, repeats, cores = PLAN[tier]
     asked = ("gpudem", *codes.references(tuple(codes.CODES)))
     return [
         variant
         for bed in BEDS for n in cores for repeat in range(repeats)
-        for variant in Configurations(Configuration("gpudem"), timed_on=n).variants(
+        for variant in kit.Configurations(kit.Configuration("gpudem"), timed_on=n).variants(
             f"{bed}_{n}_{repeat}", bench_scene(bed, COUNT, steps), codes=asked
         )
     ]  # fmt: skip
 
 
-def _pairs(results: Results) -> list[tuple[str, str]]:
+def _pairs(results: kit.Results) -> list[tuple[str, str]]:
     found = codes.pairs(results.codes())
     if not found:
-        raise Unmeasured("needs a second code on the same beds")
+        raise kit.Unmeasured("needs a second code on the same beds")
     return found
 
 
-def rates(results: Results, bed: str, cores: int, *asked: str) -> list[list[float]]:
+def rates(results: kit.Results, bed: str, cores: int, *asked: str) -> list[list[float]]:
     """Particle-steps per second of each of the codes, by repeat; of repeats that all of them ran."""
     labels = results.labels(*asked, prefix=f"{bed}_{cores}_")
     return [[results[label, code].timing.rate for label in labels] for code in asked]
 
 
-def speed_ups(results: Results, bed: str, cores: int, code: str, other: str) -> list[float]:
+def speed_ups(results: kit.Results, bed: str, cores: int, code: str, other: str) -> list[float]:
     """Rate of a code / that of another, by repeat."""
     return [a / b for a, b in zip(*rates(results, bed, cores, code, other), strict=True)]
 
 
-def _findings(code: str, other: str) -> tuple[Finding, ...]:
-    def make(bed: str, cores: int) -> Finding:
-        def measure(results: Results) -> Measured:
-            found = speed_ups(results, bed, cores, code, other)
-            note = f"{len(found)} repeats, {min(found):.2f} to {max(found):.2f}"
-            return Measured(statistics.median(found), note=note)
+def _findings(code: str, other: str) -> tuple[kit.Finding, ...]:
+    def measure(results: kit.Results, bed: str, cores: int) -> kit.Measured:
+        found = speed_ups(results, bed, cores, code, other)
+        note = f"{len(found)} repeats, {min(found):.2f} to {max(found):.2f}"
+        return kit.Measured(statistics.median(found), note=note)
 
-        return Finding(
-            f"{codes.title(code)}'s particle-steps per second / {codes.title(other)}'s, {bed}, {cores}"
-            f" core{'s' if cores > 1 else ''}",
-            measure, "1", f"Same bed and machine, in turn; the target is {LEAST}.", (code, other),
-            ("standard", "full"),
-        )  # fmt: skip
+    return () if codes.brought(code) else tuple(
+        kit.Finding(
+            f"{codes.title(code)}'s particle-steps per second / {codes.title(other)}'s, {bed}, {_cores(n)}",
+            lambda results, bed=bed, n=n: measure(results, bed, n), "1",
+            f"Same bed and machine, in turn; the target is {LEAST}.", (code, other), kit.LONG,
+        )
+        for bed in BEDS for n in (1, 2)
+    )  # fmt: skip
 
-    return () if codes.brought(code) else tuple(make(bed, cores) for bed in BEDS for cores in (1, 2))
+
+def _cores(n: int) -> str:
+    return f"{n} core{'s' if n > 1 else ''}"
 
 
-def table(results: Results) -> pandas.DataFrame:
+def table(results: kit.Results) -> pandas.DataFrame:
     """Median rates and speed-up with its range, for each pair of codes."""
     rows = []
     for code, other in _pairs(results):
@@ -92,9 +84,7 @@ def table(results: Results) -> pandas.DataFrame:
     return pandas.DataFrame(rows).round(2)
 
 
-def draw(results: Results):
-    from comparisons.report import plots
-
+def draw(results: kit.Results) -> plots.Figure:
     groups = [(bed, n) for bed in BEDS for n in PLAN[results.tier][2]]
     figure, axes = plots.figure(height=3.0)
     for code, other in _pairs(results):
@@ -104,7 +94,7 @@ def draw(results: Results):
             axes.plot([k] * len(found), found, **plots.style(code, linestyle="none", marker="o", label=label))
     axes.axhline(1.0, color="0.3")
     axes.axhline(LEAST, color="0.5", linestyle=":", label=f"target, {LEAST}")
-    axes.set_xticks(range(len(groups)), [f"{bed}\n{n} core{'s' if n > 1 else ''}" for bed, n in groups])
+    axes.set_xticks(range(len(groups)), [f"{bed}\n{_cores(n)}" for bed, n in groups])
     axes.set(xlim=(-0.5, len(groups) - 0.5), ylabel="speed-up")
     axes.set_ylim(bottom=0)
     plots.legend(axes)
@@ -123,7 +113,7 @@ def recorded() -> dict[str, Any] | None:
 def recorded_table(part: str):
     """A function (results) -> that part of the recorded bench as a table."""
 
-    def table(results: Results) -> pandas.DataFrame:
+    def table(results: kit.Results) -> pandas.DataFrame:
         data = recorded()
         if data is None:
             return pandas.DataFrame({"note": ["no recorded bench: run  gpudem bench"]})
@@ -171,10 +161,8 @@ def _recorded_caption() -> str:
     return caption
 
 
-def draw_recorded(results: Results):
+def draw_recorded(results: kit.Results) -> plots.Figure:
     """Rate against the number of balls, each code and precision."""
-    from comparisons.report import plots
-
     data = recorded()
     figure, axes = plots.figure(1, 2, width=plots.WHOLE, height=3.4, sharey=True)
     if data is None:
@@ -189,7 +177,7 @@ def draw_recorded(results: Results):
             own = code == "gpudem"
             color, line = looks[precision] if own else (1, "-.")
             name = f"{codes.title(code)} {precision}" if own else codes.title(code)
-            where = device if device != "cpu" else f"{cores} core{'s' if cores > 1 else ''}"
+            where = device if device != "cpu" else _cores(cores)
             ax.semilogx(
                 middle.index, middle, color=plots.SERIES[color], ls=line, marker="o" if cores > 1 else "s",
                 ms=3, lw=1.2, label=f"{name}, {where}", mfc="none" if cores == 1 else None,
@@ -204,7 +192,7 @@ def draw_recorded(results: Results):
     return figure
 
 
-CASE = Case(
+CASE = kit.Case(
     name="speed",
     title="Speed and memory",
     purpose=(
@@ -215,24 +203,24 @@ CASE = Case(
     source="This run; other sizes from the recorded `gpudem bench`.",
     variants=variants,
     checks=(),
-    findings=(PerPair(_findings),),
+    findings=(kit.PerPair(_findings),),
     figures=(
-        Figure("Speed-up", "One point a repeat; other programs on the machine widen the spread.", draw),
-        Figure(
+        kit.Figure("Speed-up", "One point a repeat; other programs on the machine widen the spread.", draw),
+        kit.Figure(
             "Recorded bench: particle-steps per second against the number of balls",
             "Squares: one core; dots: more. " + _recorded_caption(), draw_recorded,
         ),
     ),
     tables=(
-        Table("Particle-steps per second, measured now", "5000 spheres, median of the repeats.", table),
-        Table("Recorded bench", _recorded_caption(), recorded_table("summary")),
-        Table(
+        kit.Table("Particle-steps per second, measured now", "5000 spheres, median of the repeats.", table),
+        kit.Table("Recorded bench", _recorded_caption(), recorded_table("summary")),
+        kit.Table(
             "Recorded bench: cost against the number of balls",
             f"Exponent k of seconds per step ~ N^k from {LARGE} balls on, least squares of the logarithms of"
             " the medians. 1 is linear; memory that no longer fits the caches raises it.",
             recorded_table("scaling"),
         ),
-        Table(
+        kit.Table(
             "Recorded bench: memory of the whole process",
             "Least squares over the beds on one core: bytes for each ball, and what the process uses before"
             " the first (Python, NumPy and Warp with its compiler; MPI for LIGGGHTS).",

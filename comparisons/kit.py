@@ -1,0 +1,46 @@
+"""What modules of cases use, under one short name: `from comparisons import kit`, then `kit.Check(...)`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from comparisons.harness.case import (
+    TIERS,
+    Case,
+    Check,
+    Figure,
+    Finding,
+    Measured,
+    PerCode,
+    PerPair,
+    Results,
+    Table,
+    Tier,
+    Unmeasured,
+    Variant,
+    largest,
+    relative,
+)
+from comparisons.harness.check_builders import (
+    checks,
+    observed_order,
+    per_code,
+    per_configuration,
+    per_pair,
+    step_by_step,
+    table,
+)
+from comparisons.harness.configurations import Configuration, Configurations, precisions
+from comparisons.harness.numbers import number
+
+__all__ = [
+    "LONG", "TIERS", "Case", "Check", "Configuration", "Configurations", "Figure", "Finding", "Measured",
+    "PerCode", "PerPair", "Results", "Rows", "Table", "Tier", "Unmeasured", "Variant", "checks", "largest",
+    "number", "observed_order", "per_code", "per_configuration", "per_pair", "precisions", "relative",
+    "step_by_step", "table",
+]  # fmt: skip
+
+#: The tiers that take minutes and more.
+LONG: tuple[Tier, ...] = ("standard", "full")
+#: Rows of a table, each by column.
+Rows = list[dict[str, Any]]
