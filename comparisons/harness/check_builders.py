@@ -64,16 +64,14 @@ def per_configuration(
     *,
     without: Sequence[Configuration] = (),
     changes: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
-    brought: bool = True,
     **fields: Any,
 ) -> PerCode[Check]:
-    """One check for each configuration of each code at hand, but not those of `without`, nor, if not
-    `brought`, of codes that a user brings; measure(results, configuration). `fields` go to `checks`;
-    `changes` has other fields for a configuration, by its title: {"gpudem mixed": {"tolerance": 1e-5}}.
+    """One check for each configuration of each code at hand but those of `without`;
+    measure(results, configuration). `fields` go to `checks`; `changes` has other fields for a configuration,
+    by its title: {"gpudem mixed": {"tolerance": 1e-5}}.
     """
 
     def make(code: str) -> tuple[Check, ...]:
-        asked = configurations.of(code) if brought or not codes.brought(code) else ()
         made = (
             checks(
                 f"{name} ({one.title})",
@@ -81,7 +79,7 @@ def per_configuration(
                 needs=(code,),
                 **{**fields, **changes.get(one.title, {})},
             )
-            for one in asked
+            for one in configurations.of(code)
             if one not in without
         )
         return tuple(itertools.chain(*made))

@@ -51,12 +51,16 @@ class Configurations:
     of its own.
     """
 
-    def __init__(self, *own: Configuration, timed_on: int | None = None):
-        """`timed_on`: the runs are timed, on so many cores; no earlier output stands in for them."""
-        self.own, self.timed_on = own, timed_on
+    def __init__(self, *own: Configuration, timed_on: int | None = None, brought: bool = True):
+        """`timed_on`: the runs are timed, on so many cores; no earlier output stands in for them. `brought`:
+        whether codes that a user brings are among them.
+        """
+        self.own, self.timed_on, self.brought = own, timed_on, brought
 
     def of(self, code: str) -> tuple[Configuration, ...]:
-        """The configurations of a code."""
+        """The configurations of a code; none if it is not among them."""
+        if codes.brought(code) and not self.brought:
+            return ()
         return self.own if code == "gpudem" else (Configuration(codes.title(code), code),)
 
     def among(self, selected: Iterable[str]) -> list[Configuration]:
@@ -83,7 +87,10 @@ class Configurations:
             timed = {} if self.timed_on is None else codes.CODES[one.code].on_cores(self.timed_on)
             return {**timed, **one.options}
 
-        shared = {code: options(self.of(code)[0]) for code in codes.stepped(tuple(codes.CODES))}
+        asked = [code for code in codes.stepped(tuple(codes.CODES)) if self.of(code)]
+        shared = {code: options(self.of(code)[0]) for code in asked}
+        if not self.brought:
+            more = {"codes": tuple(asked), **more}
         made = Variant(label, scene, options=shared, timed=self.timed_on is not None, **more)
         return [made] + [
             dataclasses.replace(

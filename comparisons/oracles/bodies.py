@@ -90,6 +90,15 @@ def star(first: Material, second: Material) -> tuple[float, float]:
     return 1 / normal, 1 / shear
 
 
+def of_material(
+    material: Material, radius: float, *, wall: bool, restitution: float = 1.0, friction: float = 0.0
+) -> Bodies:
+    """A sphere and an equal one, or with `wall` a plane, of one material; radius [m]."""
+    mass = 4 / 3 * math.pi * radius**3 * material.density
+    other = (math.inf, math.inf) if wall else (mass, radius)
+    return Bodies((mass, other[0]), (radius, other[1]), *star(material, material), restitution, friction)
+
+
 def bodies(scene: Scene, i: int, other: int | str) -> Bodies:
     """Particle row `i` of a scene against particle row `other`, or against the plane of that name.
 

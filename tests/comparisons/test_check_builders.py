@@ -171,11 +171,10 @@ def test_codes_of_a_user_are_compared_unless_the_check_says_otherwise(brought: b
     monkeypatch.setitem(
         codes.CODES, "mine", dataclasses.replace(codes.CODES["gpudem"], name="mine", title="mine")
     )
-    fields = {"brought": brought, "tolerance": 1, "against": "", "reason": "", "catches": ""}
-    one = build.per_configuration(
-        configurations.Configurations(*configurations.precisions()[:1]), "x", lambda results, one: 0, **fields
-    )
-    pair = build.per_pair("{other}", lambda results, a, b: 0, **fields)
+    fields = {"tolerance": 1, "reason": "", "catches": ""}
+    asked = configurations.Configurations(*configurations.precisions()[:1], brought=brought)
+    one = build.per_configuration(asked, "x", lambda results, one: 0, against="", **fields)
+    pair = build.per_pair("{other}", lambda results, a, b: 0, brought=brought, **fields)
     names = [check.name for item in (one, pair) for check in checks(item, ("gpudem", "liggghts", "mine"))]
     ours = ["x (gpudem float64)", "x (LIGGGHTS)", "LIGGGHTS"]
     assert set(ours) <= set(names)

@@ -12,7 +12,7 @@ from comparisons.cases.dam_break import modulus
 from comparisons.cases.dam_break.modulus import CONFIGURATIONS, FLOAT32, FLOAT64, MIXED
 from comparisons.kit import number
 from comparisons.oracles import step_limit
-from comparisons.oracles.bodies import bodies
+from comparisons.oracles.bodies import bodies, of_material
 from comparisons.oracles.closed_forms import elastic_contact_time, static_overlap
 from comparisons.report import plots
 from gpudem.output.run import Run
@@ -37,14 +37,17 @@ FLOAT32_FAILS = 0.01
 SIDE, PLACE = {"quick": 5, "standard": 20, "full": 30}, 0.7
 
 
+def _ball(young: float) -> Material:
+    return Material(young=young, poisson=NU, density=DENSITY)
+
+
 def _scene(name: str, young: float, e: float, side: int, height: float, speed: float, **changes) -> Scene:
     spot = PLACE + 2.5 * RADIUS * np.arange(side)
     x, y = np.meshgrid(spot, spot, indexing="ij")
     position = np.stack([x.ravel(), y.ravel(), np.full(side * side, PLACE + height)], axis=1)
     lo, hi = PLACE - 0.05, float(spot[-1]) + 0.05
-    ball = Material(young=young, poisson=NU, density=DENSITY)
     return Scene(
-        name=name, materials={"ball": ball}, pairs=[Pair(materials=("ball", "ball"), restitution=e)],
+        name=name, materials={"ball": _ball(young)}, pairs=[Pair(materials=("ball", "ball"), restitution=e)],
         particles=Explicit(
             position=position, velocity=np.tile([0.0, 0.0, -speed], (side * side, 1)), radius=RADIUS,
             material="ball",
@@ -54,14 +57,9 @@ def _scene(name: str, young: float, e: float, side: int, height: float, speed: f
     )  # fmt: skip
 
 
-def _probe(young: float, e: float):
-    scene = _scene("probe", young, e, 1, RADIUS, 0.0, time=Time(step=1e-9, duration=1e-8))
-    return bodies(scene, 0, "floor")
-
-
 def impact(young: float, side: int) -> Scene:
     """A square of balls hits the floor, STEPS steps per elastic contact."""
-    step = elastic_contact_time(_probe(young, RESTITUTION), SPEED) / STEPS
+    step = elastic_contact_time(of_material(_ball(young), RADIUS, wall=True), SPEED) / STEPS
     duration = math.ceil(1.3 * STEPS) * step
     height = RADIUS + 10.5 * SPEED * step
     return _scene(
@@ -72,7 +70,7 @@ def impact(young: float, side: int) -> Scene:
 
 def rest(young: float) -> Scene:
     """A ball a tenth off its overlap at rest, with SWING steps per oscillation."""
-    c = _probe(young, DEAD)
+    c = of_material(_ball(young), RADIUS, wall=True)
     overlap, stiffness, _ = step_limit.rest(c, c.mass[0] * GRAVITY)
     step = 2 * math.pi * math.sqrt(c.mass[0] / stiffness) / SWING
     duration = SWING * SWINGS * step

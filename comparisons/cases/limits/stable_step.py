@@ -26,7 +26,7 @@ PATH = kit.Configuration("gpudem path", options={"integrator": "path"}, label="p
 MIXED = kit.Configuration("gpudem mixed", options={"precision": "mixed"}, label="mixed")
 SINGLE = kit.Configuration("gpudem float32", options={"precision": "float32"}, label="float32")
 #: The limits are those of the half-step scheme: codes that a user brings are not asked.
-CONFIGURATIONS = kit.Configurations(HALF, PATH, MIXED, SINGLE)
+CONFIGURATIONS = kit.Configurations(HALF, PATH, MIXED, SINGLE, brought=False)
 LAWS = {"quick": ("hertz",), "standard": ("hertz", "hooke"), "full": ("hertz", "hooke")}
 #: Ratio of one step of a sweep to the next: contacts at rest, impacts; and where the sweeps begin and end.
 FINE = {"quick": (1.25, 1.4), "standard": (1.07, 1.12), "full": (1.02, 1.05)}
@@ -104,14 +104,13 @@ def single(tier: kit.Tier) -> dict[str, tuple[Scene, Spot]]:
 
 def variants(tier: kit.Tier) -> list[kit.Variant]:
     """All scenes by all configurations; columns and beds of e other than 0.9 not in mixed and float32."""
-    asked = ("gpudem", *codes.references(tuple(codes.CODES)))
     made = []
     for normal in LAWS[tier]:
         for kind, (scene, _) in sweeps(tier, normal).items():
-            made += CONFIGURATIONS.variants(f"{kind}_{normal}", scene, codes=asked)
+            made += CONFIGURATIONS.variants(f"{kind}_{normal}", scene)
     for label, (scene, spot) in single(tier).items():
         own = CONFIGURATIONS.own if spot.restitution == 0.9 else (HALF, PATH)
-        made += CONFIGURATIONS.variants(label, scene, own, codes=asked, may_end=True)
+        made += CONFIGURATIONS.variants(label, scene, own, may_end=True)
     return made
 
 
@@ -307,7 +306,7 @@ CASE = kit.Case(
             kit.per_configuration(
                 CONFIGURATIONS, f"{text} on the wrong side of the closed form's limit",
                 lambda results, one, kind=kind: against_limit(results, one.title, kind),
-                without=(PATH, MIXED, SINGLE), brought=False, tolerance=0.0, unit="points",
+                without=(PATH, MIXED, SINGLE), tolerance=0.0, unit="points",
                 against="closed form",
                 reason=f"both sides are sampled; nearer to the limit than {MARGIN:.0%} growth is too slow",
                 catches="damping that lags by another half step, a friction spring without the spin, a"

@@ -23,7 +23,7 @@ PATH = kit.Configuration("gpudem path", "gpudem", {"integrator": "path"}, "path"
 PATH_MIXED = kit.Configuration(
     "gpudem path mixed", "gpudem", {"integrator": "path", "precision": "mixed"}, "path_mixed", mark="^"
 )
-CONFIGURATIONS = kit.Configurations(HALF, SINGLE, PATH, PATH_MIXED, timed_on=1)
+CONFIGURATIONS = kit.Configurations(HALF, SINGLE, PATH, PATH_MIXED, timed_on=1, brought=False)
 #: Smallest step worth running with the integrator `path` [steps in a contact]; beyond, it is at rounding.
 FINEST_PATH = 320
 #: (kinds, steps in a contact, pairs in a group, repeats)
@@ -40,12 +40,11 @@ FIT = (20, 320)
 def variants(tier: kit.Tier) -> list[kit.Variant]:
     """Repeats in turn. Codes that a user brings are not timed: another scheme has another order."""
     kinds, steps, pairs, repeats = PLAN[tier]
-    asked = ("gpudem", *codes.references(tuple(codes.CODES)))
     scenes = {(kind, n): work.scene(kind, n, pairs) for kind in kinds for n in steps}
     made = []
     for kind, repeat, n in itertools.product(kinds, range(repeats), steps):
         own = CONFIGURATIONS.own if n <= FINEST_PATH else (HALF, SINGLE)
-        made += CONFIGURATIONS.variants(f"{kind}-{n}-{repeat}", scenes[kind, n], own, codes=asked)
+        made += CONFIGURATIONS.variants(f"{kind}-{n}-{repeat}", scenes[kind, n], own)
     return made
 
 
@@ -138,7 +137,7 @@ def _order(
 
 def _orders(code: str) -> tuple[kit.Check, ...]:
     made = []
-    for one in () if codes.brought(code) else CONFIGURATIONS.of(code):
+    for one in CONFIGURATIONS.of(code):
         if "precision" in one.options:
             continue
         damped = (

@@ -7,22 +7,23 @@ the oracle's one pair, shifted in time. With thousands of contacts in a run, ste
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 
 import numpy as np
 
 from comparisons.kit import Results
-from comparisons.oracles import closed_forms
-from comparisons.oracles.bodies import bodies
+from comparisons.oracles.bodies import of_material
+from comparisons.oracles.closed_forms import elastic_contact_time
 from comparisons.oracles.impact import Impact, impact
 from gpudem.output.run import Run
-from gpudem.scene import Scene
+from gpudem.scene import Material, Scene
 
 RADIUS, SPEED, SLIDE = 0.003, 1.0, 0.6
 #: Restitution of the groups; every pair belongs to one.
 GROUPS = (0.3, 0.5, 0.9, 1.0)
-BALL = {"young": 5e6, "poisson": 0.34, "density": 1768.0}
+BALL = Material(young=5e6, poisson=0.34, density=1768.0)
+#: Elastic Hertz contact time of the pairs [s].
+PERIOD = elastic_contact_time(of_material(BALL, RADIUS, wall=False), SPEED)
 #: Snapshots in a contact at which runs are compared with the oracle; every time step divides this interval.
 SNAPSHOTS = 10
 #: Length of a run in elastic contact times: the longest damped contact (e = 0.3) takes 1.2 of them.
@@ -62,9 +63,9 @@ def scene(kind: str, steps: int, pairs: int, seed: int = 1) -> Scene:
     cell = 8 * RADIUS
     index = np.arange(count)
     centre = cell * (0.5 + np.stack([index % side, index // side % side, index // side**2], axis=1))
-    approach, period = np.array([0.5 * SPEED, 0.5 * what.slide, 0.0]), _period()
+    approach = np.array([0.5 * SPEED, 0.5 * what.slide, 0.0])
     # after the first step of the coarsest rung: its set-up half step is another scheme's
-    flight = np.random.default_rng(seed).uniform(1.02, 1.98, count)[:, None] * period / SNAPSHOTS
+    flight = np.random.default_rng(seed).uniform(1.02, 1.98, count)[:, None] * PERIOD / SNAPSHOTS
     touch = np.array([RADIUS, 0.0, 0.0])
     position = np.stack([centre - touch - flight * approach, centre + touch + flight * approach], axis=1)
     velocity = np.broadcast_to(np.stack([approach, -approach]), (count, 2, 3))
@@ -79,22 +80,10 @@ def scene(kind: str, steps: int, pairs: int, seed: int = 1) -> Scene:
             "position": position.reshape(-1, 3), "velocity": velocity.reshape(-1, 3),
         },
         domain={"lo": (0, 0, 0), "hi": (cell * side,) * 3},
-        time={"step": period / steps, "duration": LENGTH * period},
-        output={"trace_every": period / SNAPSHOTS},
+        time={"step": PERIOD / steps, "duration": LENGTH * PERIOD},
+        output={"trace_every": PERIOD / SNAPSHOTS},
         allow=["time_step"],
     )  # fmt: skip
-
-
-@functools.cache
-def _period() -> float:
-    """Elastic Hertz contact time [s] of the pairs."""
-    lone = Scene(
-        name="lone", materials={"ball": BALL}, pairs=[{"materials": ("ball", "ball")}],
-        particles={"source": "explicit", "radius": RADIUS, "material": "ball",
-                   "position": [[0, 0, 0], [3 * RADIUS, 0, 0]]},
-        domain={"lo": (-1, -1, -1), "hi": (1, 1, 1)}, time={"step": 1e-9, "duration": 1e-8},
-    )  # fmt: skip
-    return closed_forms.elastic_contact_time(bodies(lone, 0, 1), SPEED)
 
 
 def truths(results: Results, stated: Scene, kind: str) -> list[Impact]:

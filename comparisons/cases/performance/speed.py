@@ -23,12 +23,11 @@ LEAST = 1.4
 
 def variants(tier: kit.Tier) -> list[kit.Variant]:
     steps, repeats, cores = PLAN[tier]
-    asked = ("gpudem", *codes.references(tuple(codes.CODES)))
     return [
         variant
         for bed in BEDS for n in cores for repeat in range(repeats)
-        for variant in kit.Configurations(kit.Configuration("gpudem"), timed_on=n).variants(
-            f"{bed}_{n}_{repeat}", bench_scene(bed, COUNT, steps), codes=asked
+        for variant in kit.Configurations(kit.Configuration("gpudem"), timed_on=n, brought=False).variants(
+            f"{bed}_{n}_{repeat}", bench_scene(bed, COUNT, steps)
         )
     ]  # fmt: skip
 
