@@ -22,11 +22,11 @@ DRIFT: dict[kit.Tier, float] = {"quick": 2e-3, "standard": 5e-3, "full": 3e-2}
 
 
 def variants(tier: kit.Tier) -> list[kit.Variant]:
-    size = scenes.SIZES[tier]
-    named = {"bed_smooth": scenes.bed(0.0, size.bed), "column": scenes.column(size.count),
-             "gas": scenes.gas_of(size.collisions), "fine_gas": scenes.fine_gas()}  # fmt: skip
+    time = scenes.REST_TIME[tier]
+    named = {"bed_smooth": scenes.bed(0.0, time), "column": scenes.column(scenes.COLUMN[tier]),
+             "gas": scenes.gas_of(scenes.COLLISIONS[tier]), "fine_gas": scenes.fine_gas()}  # fmt: skip
     if tier == "full":
-        named["bed_rough"] = scenes.bed(0.3, size.bed)
+        named["bed_rough"] = scenes.bed(0.3, time)
     return [v for label, scene in named.items() for v in CONFIGURATIONS.variants(label, scene)]
 
 
@@ -57,7 +57,7 @@ def gas(results: kit.Results, one: kit.Configuration) -> tuple[np.ndarray, np.nd
 def drift(results: kit.Results, one: kit.Configuration) -> kit.Measured:
     """Largest change of the energy; NaN where there were fewer collisions than the tier promises."""
     _, energy, many = gas(results, one)
-    enough = many >= scenes.SIZES[results.tier].collisions
+    enough = many >= scenes.COLLISIONS[results.tier]
     note = f"{many:.3g} collisions; {energy[-10:].mean():.1e} at the end"
     return kit.Measured(float(np.abs(energy).max()) if enough else math.nan, note=note)
 
@@ -116,7 +116,7 @@ def _advice(results: kit.Results) -> kit.Rows:
     double, mixed, single = (number(_energy_left(results, one), 1) for one in CONFIGURATIONS.own)
     moved = max(float(np.abs(gas(results, one)[1]).max()) for one in (DOUBLE, MIXED))
     text = (
-        f"A bed without friction comes to rest and stays at rest: after {scenes.SIZES[results.tier].bed:g} s"
+        f"A bed without friction comes to rest and stays at rest: after {scenes.REST_TIME[results.tier]:g} s"
         f" its kinetic energy is {double} (float64), {mixed} (mixed) and {single} (float32) of a fall by one"
         f" diameter; in float32 its balls move by {number(creep(results, SINGLE), 1)} of a radius in the last"
         f" half. Over {number(gas(results, DOUBLE)[2], 1)} elastic collisions of {scenes.STEPS} steps each"

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from comparisons.cases.gas import scenes as gases
-from comparisons.harness.case import Tier
+from comparisons.kit import Tier
 from comparisons.oracles import closed_forms, gas
 from comparisons.oracles.bodies import bodies
 from comparisons.oracles.chain import Chain
@@ -20,21 +20,10 @@ SOFT = Material(young=5e6, poisson=0.34, density=1768.0)
 STIFF = SOFT.model_copy(update={"young": 5e8})
 
 
-@dataclasses.dataclass(frozen=True)
-class Size:
-    """Length of a tier."""
-
-    bed: float
-    """Time of the beds [s]."""
-    collisions: float
-    """Collisions of the gas."""
-    count: int
-    """Balls in a column."""
-
-
-SIZES: dict[Tier, Size] = {
-    "quick": Size(2.0, 2e4, 100), "standard": Size(3.0, 1.5e5, 400), "full": Size(60.0, 1e7, 1000),
-}  # fmt: skip
+#: Time of the beds [s], collisions of the gas, balls in a column.
+REST_TIME: dict[Tier, float] = {"quick": 2.0, "standard": 3.0, "full": 60.0}
+COLLISIONS: dict[Tier, float] = {"quick": 2e4, "standard": 1.5e5, "full": 1e7}
+COLUMN: dict[Tier, int] = {"quick": 100, "standard": 400, "full": 1000}
 
 # -- a bed at rest -------------------------------------------------------------------------------------------
 
@@ -144,10 +133,10 @@ STIFFNESS = gases.stiffness(CONTACT)
 def _gas_box(name: str, count: int, share: float, young: float, contact: Contact, **more) -> Scene:
     """An elastic gas without friction."""
     ball = Material(young=young, poisson=gases.POISSON, density=gases.DENSITY)
-    pairs = [Pair(materials=("ball", "ball"))]
     return gases.gas_box(
-        name, count, share, 1, materials={"ball": ball}, pairs=pairs, contact=contact, **more
-    )
+        name, count, share, 1, materials={"ball": ball}, pairs=[Pair(materials=("ball", "ball"))],
+        contact=contact, **more,
+    )  # fmt: skip
 
 
 def gas_of(collisions: float) -> Scene:

@@ -16,10 +16,12 @@ from comparisons.oracles import step_limit
 from comparisons.oracles.bodies import Bodies
 from comparisons.oracles.closed_forms import elastic_contact_time
 from gpudem.output.run import Run
-from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
+from gpudem.scene import Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
 
 BALL = Material(young=5e6, poisson=0.34, density=1768.0)
 STEP, GRAVITY, IMPACT = 1e-4, 9.81, 1.0
+#: Characteristic velocity of each normal law [m/s].
+VELOCITY = {"hertz": None, "hooke": IMPACT}
 #: {material: (restitution, friction)}
 GROUPS = {
     f"e{round(100 * e)}_mu{round(100 * mu)}": (e, mu)
@@ -45,11 +47,6 @@ GAIN, INACCURATE = 0.01, 0.01
 STABLE, POOR, UNSTABLE = 0, 1, 2
 
 
-def radius_of(share: float) -> float:
-    """Radius [m] of the ball for which STEP is this share of the Rayleigh time."""
-    return STEP / (share * step_limit.rayleigh_time(1.0, BALL.young, BALL.poisson, BALL.density))
-
-
 @dataclasses.dataclass(frozen=True)
 class Spot:
     """One contact or column at one step."""
@@ -65,8 +62,8 @@ class Spot:
 
     @property
     def radius(self) -> float:
-        """Radius of its balls [m]."""
-        return radius_of(self.share)
+        """Radius of its balls [m]: that for which STEP is its share of the Rayleigh time."""
+        return STEP / (self.share * step_limit.rayleigh_time(1.0, BALL.young, BALL.poisson, BALL.density))
 
     def bodies(self, pair: bool = False) -> Bodies:
         """A ball on the floor, or two balls."""
@@ -90,14 +87,13 @@ def _scene(kind: str, normal: str, balls: list[tuple], steps: int, rows: int, al
     names, room = list(dict.fromkeys(material)), ROOM[kind]
     partners, side = [*names, "floor"], 2 * max(radius)
     top = np.max(np.array(position) + np.array(radius)[:, None], axis=0)
-    hooke = Contact(normal="hooke", characteristic_velocity=IMPACT)
     return Scene(
         name=f"{kind}_{normal}", materials=dict.fromkeys(partners, BALL),
         pairs=[
             Pair(materials=(a, b), restitution=GROUPS[a][0], friction=GROUPS[a][1])
             for k, a in enumerate(names) for b in partners[k:]
         ],
-        contact=hooke if normal == "hooke" else Contact(),
+        contact={"normal": normal, "characteristic_velocity": VELOCITY[normal]},
         particles=Explicit(position=position, velocity=velocity, angular_velocity=spin, radius=radius,
                            material=material),
         walls=[Plane(name="floor", material="floor", point=(0, 0, 0), normal=(0, 0, 1))],
@@ -110,10 +106,6 @@ def _scene(kind: str, normal: str, balls: list[tuple], steps: int, rows: int, al
     )  # fmt: skip
 
 
-def _characteristic_velocity(normal: str) -> float | None:
-    return IMPACT if normal == "hooke" else None
-
-
 def _resting(normal: str, share: float, name: str, count: int, x: float, y: float) -> list[tuple]:
     """A ball, or a column, at rest under its own weight. The top one is perturbed downwards and, with
     friction, sideways, with a spin so that the surface slips and does not roll.
@@ -121,7 +113,7 @@ def _resting(normal: str, share: float, name: str, count: int, x: float, y: floa
     z, found, spot = 0.0, [], Spot("rest", share, *GROUPS[name])
     for k in range(count):
         load = (count - k) * spot.bodies().mass[0] * GRAVITY
-        overlap = step_limit.rest(spot.bodies(pair=k > 0), load, _characteristic_velocity(normal))[0]
+        overlap = step_limit.rest(spot.bodies(pair=k > 0), load, VELOCITY[normal])[0]
         z += (2 * spot.radius if k else spot.radius) - overlap
         v = PUSH * math.sqrt(GRAVITY * overlap)
         side = v if spot.friction else 0.0
@@ -192,7 +184,7 @@ def contact_time(spot: Spot, normal: str) -> float:
 @functools.lru_cache(4096)
 def limit(spot: Spot, normal: str) -> float:
     """Closed form of the largest stable step of a contact or column at rest / Rayleigh time."""
-    floor, speed, rayleigh = spot.bodies(), _characteristic_velocity(normal), STEP / spot.share
+    floor, speed, rayleigh = spot.bodies(), VELOCITY[normal], STEP / spot.share
     if spot.kind == "rest":
         return step_limit.single(floor, floor.mass[0] * GRAVITY, speed) / rayleigh
     return step_limit.column(COLUMN, floor, spot.bodies(pair=True), GRAVITY, speed) / rayleigh
