@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import statistics
 from importlib import resources
@@ -103,25 +104,16 @@ def draw(results: kit.Results) -> plots.Figure:
 # -- the recorded bench --------------------------------------------------------------------------------------
 
 
-def recorded() -> dict[str, Any] | None:
-    """The last `gpudem bench` that was kept, with its provenance; None if there is none."""
-    path = resources.files("comparisons") / "recorded" / "bench.json"
-    return json.loads(path.read_text()) if path.is_file() else None
+@functools.cache
+def recorded() -> dict[str, Any]:
+    """The last `gpudem bench` that was kept, with its provenance."""
+    return json.loads((resources.files("comparisons") / "recorded" / "bench.json").read_text())
 
 
-def recorded_table(part: str):
-    """A function (results) -> that part of the recorded bench as a table."""
-
-    def table(results: kit.Results) -> pandas.DataFrame:
-        data = recorded()
-        if data is None:
-            return pandas.DataFrame({"note": ["no recorded bench: run  gpudem bench"]})
-        rows = pandas.DataFrame(data[part] or [{"note": "too few sizes"}])
-        if part == "summary":
-            rows = narrowed(rows)
-        return rows.round(2).dropna(axis=1, how="all")
-
-    return table
+def recorded_table(part: str) -> pandas.DataFrame:
+    """A part of the recorded bench as a table."""
+    rows = pandas.DataFrame(recorded()[part] or [{"note": "too few sizes"}])
+    return (narrowed(rows) if part == "summary" else rows).round(2).dropna(axis=1, how="all")
 
 
 def narrowed(rows: pandas.DataFrame) -> pandas.DataFrame:
@@ -140,10 +132,7 @@ def narrowed(rows: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def _recorded_caption() -> str:
-    data = recorded()
-    if data is None:
-        return "Not recorded yet."
-    p, only_cpu = data["provenance"], all(row["device"] == "cpu" for row in data["rows"])
+    p, only_cpu = recorded()["provenance"], all(row["device"] == "cpu" for row in recorded()["rows"])
     caption = (
         f"Recorded, not run now: {p['date']}, commit {p['commit']}, {p['hardware']['cpu']},"
         f" {p['hardware']['cores']} cores. Particle-steps per second of stepping; the speed-up is relative to"
@@ -162,11 +151,8 @@ def _recorded_caption() -> str:
 
 def draw_recorded(results: kit.Results) -> plots.Figure:
     """Rate against the number of balls, each code and precision."""
-    data = recorded()
     figure, axes = plots.figure(1, 2, width=plots.WHOLE, height=3.4, sharey=True)
-    if data is None:
-        return figure
-    rows = pandas.DataFrame(data["rows"])
+    rows = pandas.DataFrame(recorded()["rows"])
     looks = {"float64": (0, "-"), "mixed": (2, "--"), "float32": (3, ":")}
     for ax, bed in zip(axes, BEDS, strict=True):
         part = rows[rows.state == bed]
@@ -212,18 +198,18 @@ CASE = kit.Case(
     ),
     tables=(
         kit.Table("Particle-steps per second, measured now", "5000 spheres, median of the repeats.", table),
-        kit.Table("Recorded bench", _recorded_caption(), recorded_table("summary")),
+        kit.Table("Recorded bench", _recorded_caption(), lambda results: recorded_table("summary")),
         kit.Table(
             "Recorded bench: cost against the number of balls",
             f"Exponent k of seconds per step ~ N^k from {LARGE} balls on, least squares of the logarithms of"
             " the medians. 1 is linear; memory that no longer fits the caches raises it.",
-            recorded_table("scaling"),
+            lambda results: recorded_table("scaling"),
         ),
         kit.Table(
             "Recorded bench: memory of the whole process",
             "Least squares over the beds on one core: bytes for each ball, and what the process uses before"
             " the first (Python, NumPy and Warp with its compiler; MPI for LIGGGHTS).",
-            recorded_table("memory"),
+            lambda results: recorded_table("memory"),
         ),
     ),
     features=("speed",),
