@@ -247,6 +247,17 @@ def draw_shift(ax: Any, results: kit.Results) -> None:
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.17), ncol=2, fontsize=7)
 
 
+def draw_cost(ax: Any, results: kit.Results) -> None:
+    """Time for a second of the dam break against the modulus."""
+    plan = PLANS[results.tier]
+    scene = results[keys(results, plan.hardest)[0]].scene
+    for by in CONFIGURATIONS.among(results.codes()):
+        ran = [y for y in plan.moduli if keys(results, y, by)]
+        took = [float(np.median(seconds(results, y, by))) / scene.time.duration for y in ran]
+        ax.loglog(ran, took, **by.line(marker=by.mark, mfc="none", lw=1.1, ms=5))
+    ax.set(ylabel=f"dam break of {len(scene.state)} balls: seconds for 1 s")
+
+
 def table(results: kit.Results) -> kit.Rows:
     """Each modulus: steps, time, overlap, means of the metrics; then the hardest by all."""
     plan, rows = PLANS[results.tier], []

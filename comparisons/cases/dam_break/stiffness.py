@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from comparisons.oracles import step_limit
 from comparisons.oracles.bodies import bodies, of_material
 from comparisons.oracles.closed_forms import elastic_contact_time, static_overlap
 from comparisons.report import plots
-from gpudem.output.run import Run
 from gpudem.scene import Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
 
 MODULI = {
@@ -88,24 +88,6 @@ def variants(tier: kit.Tier) -> list[kit.Variant]:
     return made + modulus.variants(tier)
 
 
-def rebound_error(run: Run) -> float:
-    """Largest |rebound - e| of the balls."""
-    v = run.trace["velocity"][:, :, 2]
-    return float(np.abs(-v[-1] / v[0] - RESTITUTION).max())
-
-
-def rest_error(run: Run) -> float:
-    """|net force| / weight at the end: zero for a ball at rest."""
-    weight = bodies(run.scene, 0, "floor").mass[0] * GRAVITY
-    return float(abs(run.trace["force"][-1, 0, 2]) / weight)
-
-
-def overlap_error(run: Run) -> float:
-    """Relative error of the overlap at rest, (m g/k)^(2/3)."""
-    want = static_overlap(bodies(run.scene, 0, "floor"), GRAVITY)
-    return float(abs((RADIUS - (run.trace["position"][-1, 0, 2] - PLACE)) / want - 1))
-
-
 Error = Callable[[kit.Results, kit.Configuration, float], float]
 
 
@@ -115,32 +97,47 @@ def over_moduli(error: Error) -> Callable[[kit.Results, kit.Configuration], dict
 
 
 def impact_error(results: kit.Results, by: kit.Configuration, young: float) -> float:
-    return rebound_error(by.run(results, f"impact_{young:.3g}"))
+    """Largest |rebound - e| of the balls."""
+    v = by.run(results, f"impact_{young:.3g}").trace["velocity"][:, :, 2]
+    return float(np.abs(-v[-1] / v[0] - RESTITUTION).max())
 
 
 def depth_error(results: kit.Results, by: kit.Configuration, young: float) -> float:
-    return overlap_error(by.run(results, f"rest_{young:.3g}"))
+    """Relative error of the overlap at rest, (m g/k)^(2/3)."""
+    run = by.run(results, f"rest_{young:.3g}")
+    want = static_overlap(bodies(run.scene, 0, "floor"), GRAVITY)
+    return float(abs((RADIUS - (run.trace["position"][-1, 0, 2] - PLACE)) / want - 1))
 
 
 def from_float64(results: kit.Results, by: kit.Configuration, young: float) -> float:
     """Larger difference from float64 of last velocity / impact speed and of net force at rest / weight."""
     a, b = (one.run(results, f"impact_{young:.3g}").trace["velocity"][-1] for one in (by, FLOAT64))
-    c, d = (rest_error(one.run(results, f"rest_{young:.3g}")) for one in (by, FLOAT64))
+    rest = [one.run(results, f"rest_{young:.3g}") for one in (by, FLOAT64)]
+    weight = bodies(rest[0].scene, 0, "floor").mass[0] * GRAVITY
+    c, d = (float(abs(run.trace["force"][-1, 0, 2]) / weight) for run in rest)
     return max(float(np.abs(a - b).max() / SPEED), abs(c - d))
+
+
+def larger_error(results: kit.Results, by: kit.Configuration, young: float) -> float:
+    return max(impact_error(results, by, young), depth_error(results, by, young))
+
+
+def _curves(ax: Any, results: kit.Results, error: Error) -> None:
+    moduli = MODULI[results.tier]
+    for by in CONFIGURATIONS.among(results.codes()):
+        found = [max(error(results, by, y), 1e-16) for y in moduli]
+        ax.loglog(moduli, found, **by.line(marker=by.mark, mfc="none", lw=1.1, ms=6))
+    ax.set(xlabel="Young's modulus [Pa]")
 
 
 def draw(results: kit.Results) -> plots.Figure:
     """Errors of the impact and at rest, against the modulus."""
-    figure, axes = plots.figure(1, 2, width=plots.WHOLE, height=3.6)
-    moduli = MODULI[results.tier]
-    for ax, error in zip(axes, (impact_error, depth_error), strict=True):
-        for by in CONFIGURATIONS.among(results.codes()):
-            found = [max(error(results, by, y), 1e-16) for y in moduli]
-            ax.loglog(moduli, found, **by.line(marker=by.mark, mfc="none", lw=1.1, ms=6))
-        ax.set(xlabel="Young's modulus [Pa]")
-    axes[0].set_ylabel("|rebound - e|")
-    axes[1].set_ylabel("overlap at rest, relative error")
-    plots.legend(axes[0])
+    figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.6)
+    _curves(left, results, impact_error)
+    _curves(right, results, depth_error)
+    left.set_ylabel("|rebound - e|")
+    right.set_ylabel("overlap at rest, relative error")
+    plots.legend(left)
     return figure
 
 
@@ -163,31 +160,20 @@ def draw_choice(results: kit.Results) -> plots.Figure:
     """What a modulus changes in the dam break, which precision it needs, and what it costs."""
     figure, (shift, error, cost) = plots.figure(1, 3, width=plots.WHOLE, height=4.2)
     modulus.draw_shift(shift, results)
-    moduli, plan = MODULI[results.tier], modulus.PLANS[results.tier]
-    scene = results[modulus.keys(results, plan.hardest)[0]].scene
-    for by in CONFIGURATIONS.among(results.codes()):
-        look = by.line(marker=by.mark, mfc="none", lw=1.1, ms=5)
-        error.loglog(moduli, [max(_error(results, y, by), 1e-16) for y in moduli], **look)
-        ran = [y for y in plan.moduli if modulus.keys(results, y, by)]
-        seconds = [float(np.median(modulus.seconds(results, y, by))) / scene.time.duration for y in ran]
-        cost.loglog(ran, seconds, **look)
+    _curves(error, results, larger_error)
+    modulus.draw_cost(cost, results)
     error.set(ylabel="larger error of rebound and overlap at rest")
-    cost.set(ylabel=f"dam break of {len(scene.state)} balls: seconds for 1 s")
     plots.legend(error, cost)
     for ax in (shift, error, cost):
         ax.set(xlabel="Young's modulus [Pa]", xlim=(6e4, 4e11))
     return figure
 
 
-def _error(results: kit.Results, young: float, by: kit.Configuration) -> float:
-    return max(impact_error(results, by, young), depth_error(results, by, young))
-
-
 def advice(results: kit.Results) -> kit.Rows:
     """Modulus and precision, in sentences with the numbers of this run."""
     moduli, dam = MODULI[results.tier], results.tier in modulus.PLANS
-    failed = [y for y in moduli if not _error(results, y, FLOAT32) < FLOAT32_FAILS]
-    good = max(_error(results, y, MIXED) for y in moduli)
+    failed = [y for y in moduli if not larger_error(results, FLOAT32, y) < FLOAT32_FAILS]
+    good = max(larger_error(results, MIXED, y) for y in moduli)
     ratio = modulus.speed_up(results).value if dam else math.nan
     cost = f", and takes {1 / ratio:.2f} times the time of float64 in this dam break" if dam else ""
     contact = (
