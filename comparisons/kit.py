@@ -19,6 +19,7 @@ from comparisons.harness.case import (
     Unmeasured,
     Variant,
     largest,
+    median,
     relative,
 )
 from comparisons.harness.check_builders import (
@@ -36,7 +37,7 @@ from comparisons.harness.numbers import number
 __all__ = [
     "LONG", "TIERS", "Case", "Check", "Configuration", "Configurations", "Figure", "Finding", "Measured",
     "PerCode", "PerPair", "Results", "Rows", "Table", "Tier", "Unmeasured", "Variant", "checks", "largest",
-    "number", "observed_order", "per_code", "per_configuration", "per_pair", "precisions", "relative",
+    "median", "number", "observed_order", "per_code", "per_configuration", "per_pair", "precisions", "relative",
     "step_by_step", "table",
 ]  # fmt: skip
 

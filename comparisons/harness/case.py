@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import statistics
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 from comparisons.harness import codes as registry
@@ -140,6 +141,13 @@ class Measured:
 def relative(got: float, wanted: float) -> Measured:
     """Relative error `|got/wanted - 1|`, with both."""
     return Measured(abs(got / wanted - 1), got, wanted)
+
+
+def median(values: Iterable[float], of: str = "repeats") -> Measured:
+    """Median of several values, with their number and range in the note; `of` says what they are."""
+    found = [float(value) for value in values]
+    note = f"{len(found)} {of}, {min(found):.2f} to {max(found):.2f}"
+    return Measured(statistics.median(found), note=note)
 
 
 def largest(found: Mapping[str, float | Measured], note: str = "") -> Measured:

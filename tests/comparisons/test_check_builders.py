@@ -123,6 +123,12 @@ def test_relative_errors():
     assert worst.note == "largest in b"
 
 
+def test_median_with_its_range():
+    """A mean in place of the median; a range that leaves out the first or the last."""
+    found = median([3.0, 1.0, 10.0], "seeds")
+    assert (found.value, found.note) == (3.0, "3 seeds, 1.00 to 10.00")
+
+
 def test_several_errors_count_by_the_largest():
     """A check that sees the first of several errors only."""
 

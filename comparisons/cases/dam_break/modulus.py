@@ -167,9 +167,7 @@ def overlap_slope(results: kit.Results) -> kit.Measured:
 def speed_up(results: kit.Results) -> kit.Measured:
     """Speed-up of mixed over float64 at the hardest modulus: median over the seeds, run in turn."""
     hardest = PLANS[results.tier].hardest
-    ratio = seconds(results, hardest) / seconds(results, hardest, MIXED)
-    note = f"{len(ratio)} seeds, {ratio.min():.2f} to {ratio.max():.2f}"
-    return kit.Measured(float(np.median(ratio)), note=note)
+    return kit.median(seconds(results, hardest) / seconds(results, hardest, MIXED), "seeds")
 
 
 def too_soft(results: kit.Results) -> kit.Measured:

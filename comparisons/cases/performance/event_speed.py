@@ -53,12 +53,6 @@ def ratios(results: kit.Results, n: int) -> list[float]:
     return [own.seconds / c.seconds for own, c in beside_c(results)[1][n]]
 
 
-def ratio(results: kit.Results, n: int) -> kit.Measured:
-    found = ratios(results, n)
-    note = f"{len(found)} repeats in turn, {min(found):.2f} to {max(found):.2f}"
-    return kit.Measured(statistics.median(found), note=note)
-
-
 def same_work(results: kit.Results) -> kit.Measured:
     """Events that one program has more than the other, all sizes and repeats."""
     rows = [row for repeats in beside_c(results)[1].values() for row in repeats]
@@ -174,7 +168,7 @@ CASE = kit.Case(
         ),
         *(
             kit.Finding(
-                f"time of the engine / time of C, N = {n}", lambda r, n=n: ratio(r, n), "1",
+                f"time of the engine / time of C, N = {n}", lambda r, n=n: kit.median(ratios(r, n)), "1",
                 "Median of repeats in turn, the same algorithm in plain C with -O2; the target is 1.5.", (),
             )
             for n in (300, 10_000)

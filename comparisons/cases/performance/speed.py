@@ -52,15 +52,10 @@ def speed_ups(results: kit.Results, bed: str, cores: int, code: str, other: str)
 
 
 def _findings(code: str, other: str) -> tuple[kit.Finding, ...]:
-    def measure(results: kit.Results, bed: str, cores: int) -> kit.Measured:
-        found = speed_ups(results, bed, cores, code, other)
-        note = f"{len(found)} repeats, {min(found):.2f} to {max(found):.2f}"
-        return kit.Measured(statistics.median(found), note=note)
-
     return () if codes.brought(code) else tuple(
         kit.Finding(
             f"{codes.title(code)}'s particle-steps per second / {codes.title(other)}'s, {bed}, {_cores(n)}",
-            lambda results, bed=bed, n=n: measure(results, bed, n), "1",
+            lambda results, bed=bed, n=n: kit.median(speed_ups(results, bed, n, code, other)), "1",
             f"Same bed and machine, in turn; the target is {LEAST}.", (code, other), kit.LONG,
         )
         for bed in BEDS for n in (1, 2)
