@@ -36,9 +36,9 @@ from comparisons.harness.numbers import number
 
 __all__ = [
     "LONG", "TIERS", "Case", "Check", "Configuration", "Configurations", "Figure", "Finding", "Measured",
-    "PerCode", "PerPair", "Results", "Rows", "Table", "Tier", "Unmeasured", "Variant", "checks", "largest",
-    "median", "number", "observed_order", "per_code", "per_configuration", "per_pair", "precisions", "relative",
-    "step_by_step", "table",
+    "PerCode", "PerPair", "Results", "Rows", "Table", "Tier", "Unmeasured", "Variant", "checks",
+    "largest", "median", "number", "observed_order", "per_code", "per_configuration", "per_pair",
+    "precisions", "relative", "step_by_step", "table",
 ]  # fmt: skip
 
 #: The tiers that take minutes and more.

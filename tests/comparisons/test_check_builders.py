@@ -11,7 +11,7 @@ import pytest
 
 from comparisons.harness import check_builders as build
 from comparisons.harness import codes, configurations
-from comparisons.harness.case import Case, Check, Measured, Results, largest, relative
+from comparisons.harness.case import Case, Check, Measured, Results, largest, median, relative
 from gpudem.output.run import Run, Timing
 from tests.comparisons import fake
 
