@@ -45,7 +45,7 @@ def checks(
     fields = {"unit": "1", "mark": "A"} | fields | {"name": name, "measure": of}
     if not isinstance(tolerance, Mapping):
         return (Check(tolerance=tolerance, **fields),)
-    return tuple(Check(tolerance=held, **fields | {"tiers": (tier,)}) for tier, held in tolerance.items())
+    return tuple(Check(**{**fields, "tolerance": held, "tiers": (tier,)}) for tier, held in tolerance.items())
 
 
 def per_code(name: str, measure: Callable[[Results, str], Found], **fields: Any) -> PerCode[Check]:

@@ -49,6 +49,8 @@ BED_GROWN = 100.0
 MARGIN = 0.02
 COLORS = {STABLE: "#56b4e9", POOR: "#e6c229", UNSTABLE: "#b3261e"}
 KINDS = ("rest", "column", "bed", "impact")
+#: A pandas.DataFrame whose columns are read as attributes, which a type checker cannot know.
+Frame = Any
 WORDS = {STABLE: "stable", POOR: "rebound off by more than 1 %", UNSTABLE: "unstable: gains energy"}
 
 
@@ -114,7 +116,7 @@ def variants(tier: kit.Tier) -> list[kit.Variant]:
     return made
 
 
-def points(results: kit.Results, **equal: Any) -> pandas.DataFrame:
+def points(results: kit.Results, **equal: Any) -> Frame:
     """Points of the map by rising step, those with these values; the columns of `_point`."""
     found = results.once("points", lambda: _points(results))
     for column, value in equal.items():
@@ -154,7 +156,7 @@ def bracket(results: kit.Results, row: str, by: str, worst: int) -> tuple[float,
     return max(mine.share[mine.share < above], default=math.nan), above
 
 
-def rows(results: kit.Results) -> pandas.DataFrame:
+def rows(results: kit.Results) -> Frame:
     """Rows of the map in order, one point of each."""
     found = points(results).drop_duplicates("row")
     return found.assign(kind=pandas.Categorical(found.kind, KINDS)).sort_values(["normal", "kind", "row"])
@@ -274,7 +276,7 @@ def silent(results: kit.Results) -> kit.Measured:
     return _counted(mine[(mine.message == "") & ~mine.warned], note, "{row} at {share:.2f}")
 
 
-def _counted(wrong: pandas.DataFrame, note: str, each: str, enough: bool = True) -> kit.Measured:
+def _counted(wrong: Frame, note: str, each: str, enough: bool = True) -> kit.Measured:
     """How many points are wrong, and the first of them; NaN where there are not enough to judge."""
     texts = [note, *(each.format(**p) for p in wrong[:4].to_dict("records"))]
     return kit.Measured(float(len(wrong)) if enough else math.nan, note="; ".join(texts))

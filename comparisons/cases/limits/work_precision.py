@@ -169,14 +169,13 @@ def lead(results: kit.Results) -> kit.Rows:
         return f"{statistics.median(values):.1f}{spread}"
 
     rows = []
-    every = itertools.product(codes.references(results.codes()), PLAN[results.tier][0], TARGETS, GROUPS)
-    for reference, kind, target, e in every:
-        g = GROUPS.index(e)
+    every = [(k, t, g) for k in PLAN[results.tier][0] for t in TARGETS for g in range(len(GROUPS))]
+    for reference, (kind, target, g) in itertools.product(codes.references(results.codes()), every):
         where = (reference, kind, g, target)
         steps, seconds, errors = curve(results, CONFIGURATIONS.of(reference)[0], kind)
         needed, taken = (work.cost_of(target, errors[:, g], cost) for cost in (steps, seconds))
         rows.append({
-            "contacts": kind.replace("_", " "), "error": f"{100 * target:g} %", "e": e,
+            "contacts": kind.replace("_", " "), "error": f"{100 * target:g} %", "e": GROUPS[g],
             f"{codes.title(reference)}: steps a contact": reached(needed, ".0f"),
             "stepping [s]": reached(taken, ".3f"),
             "half_step: speed-up": text(ratios(results, HALF, *where, "time")),

@@ -113,7 +113,9 @@ def rungs(plan: dict[Search, tuple[tuple[int, ...], float]], repeats: int) -> di
     starts = {n: problem(n) for numbers, _ in plan.values() for n in numbers}
     for search in plan:
         engine_run(starts[min(starts)], 1e-3, search)  # compiled before it is timed
-    rounds = [(s, n, work) for s, (numbers, work) in plan.items() for n in numbers]
+    rounds: list[tuple[Search, int, float]] = [
+        (s, n, work) for s, (numbers, work) in plan.items() for n in numbers
+    ]
     for search, n, work in rounds * repeats:
         events = work / {"pairs": n * n / 2, "scan": 1 + n / 1000, "tree": 1}[search]
         got = engine_run(starts[n], max(events, 30) / (EVENTS * n), search)
