@@ -222,6 +222,8 @@ class PerCode(Generic[Item]):
 
     make: Callable[[str], Item | tuple[Item, ...]]
     """Name of a code -> its checks; their names hold the code's name, `needs` is that code."""
+    also: tuple[str, ...] = ()
+    """Engines, which have no time step, that they are made for as well."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -315,7 +317,7 @@ def _made(
 
 def _expand(item: Item | PerCode[Item] | PerPair[Item], selected: tuple[str, ...]) -> Iterator[Item]:
     if isinstance(item, PerCode):
-        for code in registry.stepped(selected):
+        for code in dict.fromkeys((*registry.stepped(selected), *item.also)):
             yield from _several(item.make(code))
     elif isinstance(item, PerPair):
         for code, other in registry.pairs(selected):

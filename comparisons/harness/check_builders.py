@@ -1,8 +1,8 @@
 """Checks that stand in many cases: one for each code, configuration or pair of codes, agreement step by step,
 observed order in the time step; and the table of what they found.
 
-In all of them `tolerance` may be {tier: tolerance}, and a measure may return several errors by name, of which
-the largest counts.
+In all of them but `check` `tolerance` may be {tier: tolerance}, and a measure may return several errors by
+name, of which the largest counts.
 """
 
 from __future__ import annotations
@@ -15,7 +15,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from comparisons.harness import codes
-from comparisons.harness.case import Check, Measured, PerCode, PerPair, Results, Table, Tier, largest
+from comparisons.harness.case import (
+    Check,
+    Measured,
+    PerCode,
+    PerPair,
+    Results,
+    Table,
+    Tier,
+    largest,
+    relative,
+)
 from comparisons.harness.configurations import Configuration, Configurations
 from comparisons.metrics import trace
 from gpudem.output.run import Run
@@ -24,8 +34,27 @@ if TYPE_CHECKING:
     import pandas
 
 
-#: What a measure finds: one error, or several, of which the largest counts: {"e = 0.3": error, ...}.
-Found = float | Measured | Mapping[str, Measured] | Mapping[str, float]
+#: A number beside what it should be: (number, what it should be), or with an error of its own.
+Compared = Measured | tuple[float, float]
+#: What a measure finds: one error, of a pair the relative one; or several, of which the largest counts:
+#: {"e = 0.3": error, ...}.
+Found = float | Compared | Mapping[str, float | Compared]
+#: What the runs of a code show: {"spin [rad/s]": {"20 deg": (spin, what it should be), ...}, ...}.
+Observe = Callable[[Results, str], Mapping[str, Mapping[str, Compared]]]
+
+
+def error(found: Found) -> Measured | float:
+    """The one error that a check holds to its tolerance."""
+    if isinstance(found, Mapping):
+        errors = {where: relative(*one) if isinstance(one, tuple) else one for where, one in found.items()}
+        return largest(errors)
+    return relative(*found) if isinstance(found, tuple) else found
+
+
+def check(name: str, measure: Callable[[Results], Found], **fields: Any) -> Check:
+    """One check. `fields` go to `Check`; unit "1", mark A."""
+    fields = {"unit": "1", "mark": "A"} | fields
+    return Check(name=name, measure=lambda results: error(measure(results)), **fields)
 
 
 def checks(
@@ -34,27 +63,35 @@ def checks(
     tolerance: float | Mapping[Tier, float],
     **fields: Any,
 ) -> tuple[Check, ...]:
-    """One check; with {tier: tolerance} one for each of these tiers. `fields` go to `Check`; unit "1", mark
-    A.
+    """One check; with {tier: tolerance} one for each of these tiers, which `{tier}` in the name stands for.
+    `fields` go to `check`.
+    """
+    if not isinstance(tolerance, Mapping):
+        return (check(name, measure, tolerance=tolerance, **fields),)
+    return tuple(
+        check(name.replace("{tier}", tier), measure, **{**fields, "tolerance": held, "tiers": (tier,)})
+        for tier, held in tolerance.items()
+    )
+
+
+def per_code(
+    name: str,
+    measure: Callable[[Results, str], Found],
+    *,
+    also: tuple[str, ...] = (),
+    beside: tuple[str, ...] = (),
+    **fields: Any,
+) -> PerCode[Check]:
+    """One check for each code at hand, and for the engines `also`; measure(results, code). `beside`: further
+    codes whose runs each reads. `fields` go to `checks`.
     """
 
-    def of(results: Results) -> Measured | float:
-        found = measure(results)
-        return largest(found) if isinstance(found, Mapping) else found
-
-    fields = {"unit": "1", "mark": "A"} | fields | {"name": name, "measure": of}
-    if not isinstance(tolerance, Mapping):
-        return (Check(tolerance=tolerance, **fields),)
-    return tuple(Check(**{**fields, "tolerance": held, "tiers": (tier,)}) for tier, held in tolerance.items())
-
-
-def per_code(name: str, measure: Callable[[Results, str], Found], **fields: Any) -> PerCode[Check]:
-    """One check for each code at hand; measure(results, code). `fields` go to `checks`."""
-    return PerCode(
-        lambda code: checks(
-            f"{name} ({code})", lambda results: measure(results, code), needs=(code,), **fields
+    def make(code: str) -> tuple[Check, ...]:
+        return checks(
+            f"{name} ({code})", lambda results: measure(results, code), needs=(code, *beside), **fields
         )
-    )
+
+    return PerCode(make, also)
 
 
 def per_configuration(
@@ -87,29 +124,52 @@ def per_configuration(
     return PerCode(make)
 
 
+def per_quantity(
+    observe: Observe, catches: Mapping[str, str], name: str = "{}, relative error", **fields: Any
+) -> tuple[PerCode[Check], ...]:
+    """For each quantity, which `catches` names with what its check would catch, one check for each code.
+
+    `{}` in `name` stands for the quantity, without its unit; `fields` go to `per_code`.
+    """
+
+    def one(key: str, what: str) -> PerCode[Check]:
+        title = name.format(key.partition(" [")[0])
+        return per_code(title, lambda results, code: observe(results, code)[key], catches=what, **fields)
+
+    return tuple(one(key, what) for key, what in catches.items())
+
+
 def table(
     title: str,
     caption: str,
-    quantities: Mapping[str, Callable[[Results, str], Mapping[str, Measured]]],
+    observe: Observe | Mapping[str, Callable[[Results, str], Mapping[str, Compared]]],
     *,
     rows: str = "impact",
     reference: str = "closed form",
     **fields: Any,
 ) -> Table:
-    """What each code gives, beside what is expected; quantities: {"spin [rad/s]": measure(results, code)},
-    all with the same rows. `rows` is the title of the first column; `fields` go to `Table`.
+    """What each code gives, beside what is expected: a column for each quantity and code, all with the same
+    rows. `observe` may be a measure(results, code) for each quantity. `rows` is the title of the first
+    column; `fields` go to `Table`.
     """
+
+    def of(results: Results, code: str) -> Mapping[str, Mapping[str, Compared]]:
+        if isinstance(observe, Mapping):
+            return {quantity: measure(results, code) for quantity, measure in observe.items()}
+        return observe(results, code)
 
     def make(results: Results) -> pandas.DataFrame:
         import pandas
 
         lines: dict[str, dict[str, Any]] = {}
-        for quantity, measure in quantities.items():
-            for code in results.codes():
-                for name, found in measure(results, code).items():
-                    cells = lines.setdefault(name, {rows: name})
-                    cells[f"{reference}: {quantity}"] = found.expected
-                    cells[f"{codes.title(code)}: {quantity}"] = found.measured
+        ran = {code: of(results, code) for code in results.codes()}
+        for quantity in dict.fromkeys(key for found in ran.values() for key in found):
+            for code, found in ran.items():
+                for where, one in found[quantity].items():
+                    got, want = one if isinstance(one, tuple) else (one.measured, one.expected)
+                    cells = lines.setdefault(where, {rows: where})
+                    cells[f"{reference}: {quantity}"] = want
+                    cells[f"{codes.title(code)}: {quantity}"] = got
         return pandas.DataFrame(list(lines.values()))
 
     return Table(title, caption, make, **fields)

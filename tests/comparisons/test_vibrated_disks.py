@@ -7,8 +7,9 @@ pairs twice, a source's rule that does not.
 import numpy as np
 import pytest
 
-from comparisons.cases.vibrated_disks import scenes as soft_disks
-from comparisons.cases.vibrated_disks import time_stepping, vibrated_box
+from comparisons.cases.vibrated_disks import soft_disks, vibrated_box
+from comparisons.metrics.limit import Approach
+from comparisons.oracles import stepped_disks
 from gpudem.driver import simulate as run
 from gpudem.event_driven.problem import HardSphereProblem
 
@@ -29,11 +30,11 @@ def test_fits():
     """A known approach with known noise: exponent, limit, and their standard errors from many draws."""
     times, errors = np.array([0.002, 0.005, 0.01, 0.03]), np.array([0.004, 0.003, 0.002, 0.002])
     truth = 10.0 * times
-    exact = soft_disks.Approach(times, truth + 0.001, errors, 0.0)
+    exact = Approach(times, truth + 0.001, errors, 0.0)
     assert exact.limit()[0] == pytest.approx(0.001, abs=1e-12)
-    assert soft_disks.Approach(times, truth, errors, 0.0).slope()[0] == pytest.approx(1.0, abs=1e-6)
+    assert Approach(times, truth, errors, 0.0).slope()[0] == pytest.approx(1.0, abs=1e-6)
     rng = np.random.default_rng(1)
-    drawn = [soft_disks.Approach(times, truth + rng.normal(scale=errors), errors, 0.0) for _ in range(400)]
+    drawn = [Approach(times, truth + rng.normal(scale=errors), errors, 0.0) for _ in range(400)]
     for found in ([a.limit() for a in drawn], [a.slope() for a in drawn]):
         values, stated = np.array(found).T
         assert np.std(values) == pytest.approx(stated.mean(), rel=0.15)
@@ -42,7 +43,7 @@ def test_fits():
 @pytest.mark.parametrize(("tested", "low", "high"), [(True, 0.31, 0.335), (False, 0.198, 0.212)])
 def test_time_stepping(tested, low, high):
     problem = HardSphereProblem.from_scene(vibrated_box.scene(1, vibrated_box.START))
-    times, heights = time_stepping.mean_heights(problem, 1e-2, vibrated_box.START, 0.1, tested)
+    times, heights = stepped_disks.mean_heights(problem, 1e-2, vibrated_box.START, 0.1, tested)
     assert times[-1] == pytest.approx(vibrated_box.START)
     assert heights[0] == pytest.approx(problem.position[:, 2].mean())
     assert low < vibrated_box.window(times, heights) < high

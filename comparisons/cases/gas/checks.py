@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from comparisons.cases.gas import scenes as gases
-from comparisons.harness.case import Check, Measured, PerPair, Results, largest
-from comparisons.harness.check_builders import per_pair
+from comparisons.harness import check_builders as build
+from comparisons.harness.case import Check, Measured, PerPair, Results
 from comparisons.metrics.trace import largest_difference
 
 #: The engine of hard spheres: no contact time, no time step.
@@ -28,53 +31,56 @@ def early_checks() -> tuple[PerPair, ...]:
             return Measured(float("nan"), note=f"only {touched} spheres touched another")
         scale = 1.0
         if column == "position":  # wrapped or not
-            edge, scale = ours.scene.domain.hi[0], 2 * gases.RADIUS
+            edge, scale = ours.scene.domain.hi[0], gases.DIAMETER
             b = b + edge * np.round((a - b) / edge)
         return Measured(largest_difference(a, b, scale), note=f"{touched} spheres touched another")
 
     return tuple(
-        per_pair(
+        build.per_pair(
             f"{name}, largest difference over the first milliseconds",
             lambda results, code, other, column=column: measure(results, column, code, other),
-            tolerance=1e-9,
-            half_step=True,
+            tolerance=1e-9, half_step=True,
             reason="same law, same scheme: rounding, which each of the few collisions multiplies by"
             " (free path / radius)",
             catches="a pair missing in the neighbor list, a wrong image across a periodic side",
         )
         for name, column in (("position / diameter", "position"), ("velocity / rms velocity", "velocity"))
-    )
+    )  # fmt: skip
+
+
+def hard(
+    name: str, measure: Callable[[Results], build.Found], tolerance: float, against: str, reason: str,
+    catches: str, **fields: Any,
+) -> Check:  # fmt: skip
+    """A check of the event-driven engine, by `build.check`."""
+    fields = {"needs": (HARD,), "tolerance": tolerance, "against": against, "reason": reason} | fields
+    return build.check(name, measure, catches=catches, **fields)
 
 
 def conserved(name: str, columns: tuple[str, ...] = ("kinetic_energy",), prefix: str = "") -> Check:
     """Largest |energy/start - 1| of hard spheres over the variants of a prefix; energy: sum of columns."""
 
-    def measure(results: Results) -> Measured:
+    def measure(results: Results) -> dict[str, Measured]:
         found = {}
-        for label, run in results.of(HARD):
-            if label.startswith(prefix):
-                energy = run.history[list(columns)].to_numpy().sum(axis=1)
-                note = f"{run.history['collisions'].to_numpy()[-1]:.0f} collisions"
-                found[label] = Measured(float(np.abs(energy / energy[0] - 1).max()), note=note)
-        return largest(found)
+        for label in results.labels(HARD, prefix=prefix):
+            history = results[label, HARD].history
+            energy = history[list(columns)].to_numpy().sum(axis=1)
+            note = f"{history['collisions'].to_numpy()[-1]:.0f} collisions"
+            found[label] = Measured(float(np.abs(energy / energy[0] - 1).max()), note=note)
+        return found
 
-    return Check(
-        name=name, measure=measure, tolerance=1e-11, unit="1", against="conservation", mark="A",
-        needs=(HARD,), reason="rounding",
-        catches="a flight, collision or impact on a wall that adds or removes energy",
+    return hard(
+        name, measure, 1e-11, "conservation", "rounding",
+        "a flight, collision or impact on a wall that adds or removes energy",
     )  # fmt: skip
 
 
 def no_overlap(name: str = "largest overlap at a collision / diameter (event-driven)") -> Check:
     """Hard particles collide at the distance of their radii."""
-
-    def measure(results: Results) -> Measured:
-        return largest({label: float(run.notes["largest_overlap"]) for label, run in results.of(HARD)})
-
-    return Check(
-        name=name, measure=measure, tolerance=1e-9, unit="1", against="hard particles", mark="A",
-        needs=(HARD,), reason="rounding of positions after a flight",
-        catches="a collision found late: cells, event tree or lazy invalidation",
+    return hard(
+        name, lambda results: {label: float(run.notes["largest_overlap"]) for label, run in results.of(HARD)},
+        1e-9, "hard particles", "rounding of positions after a flight",
+        "a collision found late: cells, event tree or lazy invalidation",
     )  # fmt: skip
 
 

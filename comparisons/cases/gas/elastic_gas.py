@@ -8,29 +8,19 @@ from typing import Any
 import numpy as np
 
 from comparisons.cases.gas import scenes as gases
-from comparisons.cases.gas.checks import EARLY, HARD, early_checks
+from comparisons.cases.gas.checks import EARLY, HARD, early_checks, hard
+from comparisons.harness import check_builders as build
 from comparisons.harness import codes
-from comparisons.harness.case import (
-    TIERS,
-    Case,
-    Check,
-    Figure,
-    Measured,
-    PerCode,
-    Results,
-    Table,
-    Tier,
-    Variant,
-    largest,
-)  # fmt: skip
+from comparisons.harness.case import Case, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.oracles import gas
 from comparisons.report import plots
 from gpudem.output.run import Run
-from gpudem.scene import Contact, Output, Pair, Scene, Time
+from gpudem.scene import Output, Scene, Time
 
+DIAMETER = gases.DIAMETER
 #: Volume fraction -> contact time [s], about a hundredth of the mean free time.
 FRACTIONS = {0.1: 1.2e-5, 0.2: 5e-6, 0.3: 2.5e-6}
-STEPS, SPEED, DIAMETER = 25, 1.0, 2 * gases.RADIUS
+STEPS = 25
 #: Precisions that run a million steps.
 MILLION = ("float64", "mixed")
 #: Mean free times until the gas has left its lattice, and averaged over after that.
@@ -44,16 +34,11 @@ def free_time(phi: float) -> float:
 
 
 def scene(count: int, phi: float, free_times: int) -> Scene:
-    """The gas with a linear spring through `hooke`, so that every contact lasts equally long."""
-    contact_time = FRACTIONS[phi]
-    young, step = gases.spring_young(contact_time, SPEED), contact_time / STEPS
+    step = FRACTIONS[phi] / STEPS
     duration, early = free_times * free_time(phi), free_times < SETTLE
     every = max(1, round(duration / step / (40 if early else 600))) * step
     return gases.gas_box(
-        "elastic_gas", count, phi, 1,
-        materials={"ball": gases.material(young)},
-        pairs=[Pair(materials=("ball", "ball"))],
-        contact=Contact(normal="hooke", characteristic_velocity=SPEED),
+        "elastic_gas", count, phi, 1, **gases.springs(FRACTIONS[phi], 1.0),
         time=Time(step=step, duration=duration),
         output=Output(trace_every=every, history_every=None if early else STEPS * step),
     )  # fmt: skip
@@ -61,25 +46,22 @@ def scene(count: int, phi: float, free_times: int) -> Scene:
 
 def million() -> Scene:
     """125 spheres for a million steps, a hundred per contact: some 7000 collisions."""
-    one = scene(125, 0.2, 2)
     step = FRACTIONS[0.2] / 100
-    return one.replace(
+    return scene(125, 0.2, 2).replace(
         time={"step": step, "duration": 1e6 * step},
         output={"trace_every": None, "history_every": 500 * step},
     )
 
 
 def variants(tier: Tier) -> list[Variant]:
-    fractions = {"quick": (0.2,), "standard": (0.1, 0.3), "full": tuple(FRACTIONS)}[tier]
     made = [Variant(EARLY, scene(343, 0.2, 2))]
-    made += [
-        Variant(f"phi_{phi:g}", scene(COUNT[tier], phi, SETTLE + MEASURE[tier]), codes.built_in())
-        for phi in fractions
-    ]
+    for phi in {"quick": (0.2,), "standard": (0.1, 0.3), "full": tuple(FRACTIONS)}[tier]:
+        one = scene(COUNT[tier], phi, SETTLE + MEASURE[tier])
+        made.append(Variant(f"phi_{phi:g}", one, codes.built_in()))
     if tier == "full":  # the standard tier's case endurance has a finer gas, of 1e5 steps
-        made += [
-            Variant(f"million_{p}", million(), ("gpudem",), {"gpudem": {"precision": p}}) for p in MILLION
-        ]
+        for precision in MILLION:
+            options = {"gpudem": {"precision": precision}}
+            made.append(Variant(f"million_{precision}", million(), ("gpudem",), options))
     return made
 
 
@@ -98,7 +80,7 @@ def million_drift(results: Results, precision: str) -> Measured:
 
 def runs(results: Results, code: str) -> dict[float, Run]:
     """Volume fraction -> run."""
-    return {float(label[4:]): run for label, run in results.of(code) if label.startswith("phi_")}
+    return {float(label[4:]): results[label, code] for label in results.labels(code, prefix="phi_")}
 
 
 def equilibrium(run: Run, phi: float) -> tuple[float, float, float]:
@@ -109,19 +91,6 @@ def equilibrium(run: Run, phi: float) -> tuple[float, float, float]:
     k = gases.stiffness(FRACTIONS[phi])
     d = DIAMETER if run.code == HARD else gas.soft_diameter(DIAMETER, k, gases.MASS, t)
     return density, t, gas.volume_share(d, density)
-
-
-def rate(results: Results, code: str, phi: float) -> tuple[float, float]:
-    """Collisions of a sphere per second [1/s]: (2 contacts/(N contact time), or counted; Enskog's)."""
-    run = runs(results, code)[phi]
-    density, t, fraction = equilibrium(run, phi)
-    if code == HARD:
-        pairs = gases.growth(run, "collisions", SETTLE * free_time(phi))
-    else:
-        late = run.history["time"].to_numpy() > SETTLE * free_time(phi)
-        pairs = float(run.history["contacts"].to_numpy()[late].mean()) / FRACTIONS[phi]
-    got = 2 * pairs / len(run.scene.state)
-    return got, gas.collision_rate(DIAMETER, density, t, gas.contact_value(fraction))
 
 
 def springs(results: Results, code: str, phi: float) -> tuple[np.ndarray, np.ndarray]:
@@ -139,19 +108,26 @@ def springs(results: Results, code: str, phi: float) -> tuple[np.ndarray, np.nda
     return results.once(("springs", code, phi), compute)
 
 
-def pressure(results: Results, code: str, phi: float) -> tuple[float, float]:
-    """Z = p V/(N m T) [1]: (1 + mean of sum r.F/(3 N m T), Carnahan and Starling of the diameter).
+def observed(results: Results, code: str, phi: float) -> dict[str, tuple[float, float]]:
+    """(observed, by theory): collisions of a sphere per second [1/s], p V/(N m T) [1].
 
-    Of hard spheres the sum is that of diameter times impulse over the collisions, divided by the time.
+    Soft spheres: 2 contacts/(N contact time) (Enskog), and 1 + mean of sum r.F/(3 N m T) (Carnahan and
+    Starling of the diameter). Hard spheres: collisions are counted, and the sum is that of diameter times
+    impulse over the collisions, divided by the time.
     """
-    run = runs(results, code)[phi]
-    _, t, fraction = equilibrium(run, phi)
+    run, since = runs(results, code)[phi], SETTLE * free_time(phi)
+    (density, t, fraction), count = equilibrium(run, phi), len(run.scene.state)
     if code == HARD:
-        virial = gases.growth(run, "virial", SETTLE * free_time(phi))
+        pairs, virial = gases.growth(run, "collisions", since), gases.growth(run, "virial", since)
     else:
-        late = run.trace["time"] > SETTLE * free_time(phi)
-        virial = float(springs(results, code, phi)[0][late].mean())
-    return 1 + virial / (3 * len(run.scene.state) * gases.MASS * t), gas.compressibility(fraction)
+        touching = run.history["contacts"].to_numpy()[run.history["time"].to_numpy() > since]
+        pairs = float(touching.mean()) / FRACTIONS[phi]
+        virial = float(springs(results, code, phi)[0][run.trace["time"] > since].mean())
+    enskog = gas.collision_rate(DIAMETER, density, t, gas.contact_value(fraction))
+    return {
+        "collision rate of a sphere": (2 * pairs / count, enskog),
+        "Z = p V/(N m T)": (1 + virial / (3 * count * gases.MASS * t), gas.compressibility(fraction)),
+    }
 
 
 def energy(results: Results, code: str, phi: float) -> np.ndarray:
@@ -162,57 +138,21 @@ def energy(results: Results, code: str, phi: float) -> np.ndarray:
     return total / total[0] - 1
 
 
-def drift(results: Results, code: str) -> Measured:
-    """Largest |energy/start - 1| over all runs."""
-    found = {f"phi = {p:g}": float(np.abs(energy(results, code, p)).max()) for p in runs(results, code)}
-    return largest(found)
+def drift(results: Results, code: str) -> dict[str, float]:
+    """Largest |energy/start - 1| of each run."""
+    return {f"phi = {p:g}": float(np.abs(energy(results, code, p)).max()) for p in runs(results, code)}
 
 
-#: Name, measure, source, what it detects, tolerance by tier and its reason.
-QUANTITIES: tuple[tuple[Any, ...], ...] = (
-    ("collision rate of a sphere", rate, "Enskog theory", "pairs missed or found twice",
+#: Name, source, what it detects, tolerance by tier and its reason.
+QUANTITIES: tuple[tuple[str, str, str, dict[Tier, float], str], ...] = (
+    ("collision rate of a sphere", "Enskog theory", "pairs missed or found twice",
      {"quick": 0.10, "standard": 0.03, "full": 0.02},
      "three standard deviations of the mean over 3 to 5 contacts per contact time"),
-    ("Z = p V/(N m T)", pressure, "Carnahan and Starling", "a stiffness off by 5 %, a wrong image",
+    ("Z = p V/(N m T)", "Carnahan and Starling", "a stiffness off by 5 %, a wrong image",
      {"quick": 0.15, "standard": 0.05, "full": 0.03},
      "three standard deviations of the mean over 600 rows with some five contacts each (1.7 %); the full"
      " tier has more spheres"),
 )  # fmt: skip
-
-
-def theory_checks(code: str) -> tuple[Check, ...]:
-    """Rate and pressure of one engine against theory, at the worst volume fraction."""
-
-    def error(results: Results, quantity: Any) -> Measured:
-        found = {}
-        for phi in runs(results, code):
-            got, want = quantity(results, code, phi)
-            found[f"phi = {phi:g}"] = Measured(abs(got / want - 1), got, want)
-        return largest(found)
-
-    return tuple(
-        Check(
-            name=f"{name}, relative error, {tier} ({code})",
-            measure=lambda results, quantity=quantity: error(results, quantity), tolerance=tolerance[tier],
-            unit="1", against=against, mark="A", needs=(code,), tiers=(tier,), catches=catches,
-            reason=f"{reason}; the equation itself is accurate to 0.3 %",
-        )
-        for name, quantity, against, catches, tolerance, reason in QUANTITIES
-        for tier in TIERS
-    )  # fmt: skip
-
-
-def energy_check(code: str) -> Check:
-    hard = code == HARD
-    return Check(
-        name=f"energy, largest change over the run ({code})", measure=lambda results: drift(results, code),
-        tolerance=1e-10 if hard else 1e-3, unit="1", against="conservation", mark="A", needs=(code,),
-        reason="each collision rounds the energy of two spheres by 1e-16 of it, at random" if hard else
-        f"{STEPS} steps per contact: the step in which a contact begins or ends errs either way, and the"
-        " errors do not accumulate",
-        catches="a collision rule that is elastic to first order only" if hard else
-        "a force that lags by a step, which heats or cools the gas by per cents",
-    )  # fmt: skip
 
 
 def _figure(results: Results) -> plots.Figure:
@@ -222,7 +162,7 @@ def _figure(results: Results) -> plots.Figure:
     for n, code in enumerate(results.codes()):
         found = runs(results, code)
         at = [equilibrium(run, phi)[2] for phi, run in found.items()]
-        z = [pressure(results, code, phi)[0] for phi in found]
+        z = [observed(results, code, phi)["Z = p V/(N m T)"][0] for phi in found]
         left.plot(at, z, **plots.style(code, linestyle="none", marker="xo+s^"[n % 5]))
         for k, (phi, run) in enumerate(found.items()):
             text = f"phi = {phi:g}" if n == 0 else None
@@ -239,49 +179,65 @@ def _table(results: Results) -> list[dict[str, Any]]:
     columns = ("collision rate [1/s]", "Enskog [1/s]", "Z [1]", "Carnahan-Starling [1]")
     return [
         {"phi [1]": phi, "code": plots.name(code)}
-        | dict(zip(columns, (*rate(results, code, phi), *pressure(results, code, phi)), strict=True))
+        | dict(zip(columns, sum(observed(results, code, phi).values(), ()), strict=True))
         for phi in FRACTIONS
         for code in results.codes(f"phi_{phi:g}")
     ]
 
 
 CASE = Case(
-    name="elastic_gas",
-    title="Collision rate and pressure of an elastic gas",
-    purpose=(
-        "An elastic, frictionless gas in equilibrium has the collision rate of Enskog's theory and the"
-        " pressure of Carnahan and Starling's equation, and keeps its energy. With a linear spring each"
-        " contact lasts equally long, so that the mean number of contacts is proportional to the rate, and"
-        " the pressure follows from positions. The spheres overlap by some tenths of a per cent; theory is"
-        " taken at the diameter of equal hard spheres, d - sqrt(pi m T/(2 k)). The event-driven engine, from"
-        " the same starts, needs no such correction: collisions are counted and impulses summed."
-    ),
+    name="elastic_gas", title="Collision rate and pressure of an elastic gas",
+    purpose="An elastic, frictionless gas in equilibrium has the collision rate of Enskog's theory and the"
+    " pressure of Carnahan and Starling's equation, and keeps its energy. With a linear spring each contact"
+    " lasts equally long, so that the mean number of contacts is proportional to the rate, and the pressure"
+    " follows from positions. The spheres overlap by some tenths of a per cent; theory is taken at the"
+    " diameter of equal hard spheres, d - sqrt(pi m T/(2 k)). The event-driven engine, from the same starts,"
+    " needs no such correction: collisions are counted and impulses summed.",
     source="Carnahan and Starling (1969); Chapman and Cowling (1970); Barker and Henderson (1967).",
     variants=variants,
     checks=(
-        *early_checks(), PerCode(theory_checks), *theory_checks(HARD),
-        PerCode(energy_check), energy_check(HARD),
+        *early_checks(),
         *(
-            Check(
-                name=f"energy, largest change over a million steps (gpudem {precision})",
-                measure=lambda results, precision=precision: million_drift(results, precision),
-                tolerance=1e-4, unit="1", against="conservation", mark="A", tiers=("full",),
+            build.per_code(
+                f"{name}, relative error, {tier}",
+                lambda results, code, name=name: {
+                    f"phi = {phi:g}": observed(results, code, phi)[name] for phi in runs(results, code)
+                },
+                also=(HARD,), tolerance=tolerance, tiers=(tier,), against=against, catches=catches,
+                reason=f"{reason}; the equation itself is accurate to 0.3 %",
+            )
+            for name, against, catches, tolerances, reason in QUANTITIES
+            for tier, tolerance in tolerances.items()
+        ),
+        build.per_code(
+            "energy, largest change over the run", drift, tolerance=1e-3, against="conservation",
+            reason=f"{STEPS} steps per contact: the step in which a contact begins or ends errs either way,"
+            " and the errors do not accumulate",
+            catches="a force that lags by a step, which heats or cools the gas by per cents",
+        ),
+        hard(
+            f"energy, largest change over the run ({HARD})", lambda results: drift(results, HARD), 1e-10,
+            "conservation", "each collision rounds the energy of two spheres by 1e-16 of it, at random",
+            "a collision rule that is elastic to first order only",
+        ),
+        *(
+            build.check(
+                f"energy, largest change over a million steps (gpudem {precision})",
+                lambda results, precision=precision: million_drift(results, precision),
+                tolerance=1e-4, against="conservation", tiers=("full",),
                 reason="a hundred steps per contact: a sixteenth of the error of 25 steps",
                 catches="an integrator that heats or cools; positions or velocities accumulated in float32",
             )
             for precision in MILLION
         ),
     ),
-    figures=(
-        Figure(
-            "Pressure, and energy in time",
-            "Left: all engines on the equation of state. Right: the energy fluctuates by some 1e-4, the error"
-            " of the steps in which contacts begin and end (full: gpudem, dotted: others); that of hard"
-            " spheres (dashed) is constant to rounding.",
-            _figure,
-        ),
-    ),
+    figures=(Figure(
+        "Pressure, and energy in time",
+        "Left: all engines on the equation of state. Right: the energy fluctuates by some 1e-4, the error"
+        " of the steps in which contacts begin and end (full: gpudem, dotted: others); that of hard"
+        " spheres (dashed) is constant to rounding.",
+        _figure,
+    ),),
     tables=(Table("Collision rate and pressure", "Theory at the diameter of equal hard spheres.", _table),),
-    features=("normal hooke", "periodic sides", "sphere-sphere", "mixed precision"),
-    order=72,
+    features=("normal hooke", "periodic sides", "sphere-sphere", "mixed precision"), order=72,
 )  # fmt: skip

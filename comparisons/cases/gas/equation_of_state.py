@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 
 from comparisons.cases.gas import scenes as gases
-from comparisons.cases.gas.checks import HARD, conserved, no_overlap
-from comparisons.harness.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant, largest
+from comparisons.cases.gas.checks import HARD, conserved, hard, no_overlap
+from comparisons.harness.case import Case, Figure, Measured, Results, Table, Tier, Variant, largest, relative
 from comparisons.oracles import gas
 from comparisons.report import plots
-from gpudem.output.run import Run
 from gpudem.scene import Contact, Domain, Explicit, Output, Pair, Scene, Time
 
-DIAMETER = 2 * gases.RADIUS
 #: Area fractions of the disks and rho d^3 of the spheres by tier.
 FRACTIONS: dict[Tier, tuple[tuple[float, ...], tuple[float, ...]]] = {
     "quick": ((0.2, 0.4, 0.6), (0.2,)),
@@ -58,10 +56,10 @@ KINDS = (DISKS, SPHERES)
 def disks(side: int, eta: float, **sections: Any) -> Scene:
     """A layer of side^2 disks on a jittered square lattice, T = 1 m2/s2 an axis, periodic in x and z."""
     rng = np.random.default_rng(1)
-    pitch = DIAMETER * math.sqrt(math.pi / 4 / eta)
+    pitch = gases.DIAMETER * math.sqrt(math.pi / 4 / eta)
     edge, count = side * pitch, side * side
     k = np.arange(count)
-    shift = rng.uniform(-1, 1, (count, 2)) * 0.45 * (pitch - DIAMETER)
+    shift = rng.uniform(-1, 1, (count, 2)) * 0.45 * (pitch - gases.DIAMETER)
     place = (np.stack([k % side, k // side], axis=1) + 0.5) * pitch + shift
     position = np.stack([place[:, 0], np.zeros(count), place[:, 1]], axis=1)
     return Scene(
@@ -77,8 +75,7 @@ def disks(side: int, eta: float, **sections: Any) -> Scene:
 def scene(kind: Kind, value: float, tier: Tier) -> Scene:
     settle, count, *sides = SIZES[tier]
     side = sides[kind.axes - 2]
-    rate = gas.rate_of_pressure(kind.theory(value), DIAMETER, 1.0, kind.axes)
-    step = 1 / rate
+    step = 1 / gas.rate_of_pressure(kind.theory(value), gases.DIAMETER, 1.0, kind.axes)
     sections: dict[str, Any] = {
         "materials": {"ball": gases.material(1e9)},
         "pairs": [Pair(materials=("ball", "ball"))],
@@ -87,7 +84,7 @@ def scene(kind: Kind, value: float, tier: Tier) -> Scene:
         "output": Output(history_every=5 * step),
         "allow": ("time_step",),
     }
-    if kind.axes == 2:
+    if kind is DISKS:
         return disks(side, value, **sections)
     return gases.gas_box("equation_of_state", side**3, kind.fraction(value), 1, **sections)
 
@@ -100,67 +97,51 @@ def variants(tier: Tier) -> list[Variant]:
     ]
 
 
-def densities(results: Results, kind: Kind) -> dict[float, Run]:
-    """What the label says (area fraction, rho d^3) -> run."""
-    found = {label.partition("_"): run for label, run in results.of(HARD)}
-    return {float(value): run for (name, _, value), run in found.items() if name == kind.name}
-
-
-def temperature(run: Run, kind: Kind) -> float:
-    """T [m2/s2] of the velocities less their mean, which is conserved."""
-    v = run.scene.state.velocity
-    return float(((v - v.mean(axis=0)) ** 2).sum() / (kind.axes * (len(v) - 1)))
-
-
-def rows(results: Results, kind: Kind) -> list[dict[str, float]]:
-    """Per density: Z = 1 + sum of J d/(axes N m T t), collisions of one per second, each beside theory; the
-    mean impulse by m sqrt(pi T).
+def observed(results: Results, kind: Kind) -> dict[float, dict[str, tuple[float, float]]]:
+    """What the label says (area fraction, rho d^3) -> (observed, by theory) of
+    Z = 1 + sum of J d/(axes N m T t), of the collisions of one per second, and of the mean impulse.
     """
-    found = []
-    for value, run in densities(results, kind).items():
-        t, n, settled = (
-            temperature(run, kind),
-            len(run.scene.state),
-            SIZES[results.tier][0] * run.scene.time.step,
-        )
+    found = {}
+    for label in results.labels(HARD, prefix=kind.name):
+        run, value = results[label, HARD], float(label.partition("_")[2])
+        v, settled = run.scene.state.velocity, SIZES[results.tier][0] * run.scene.time.step
+        t = float(((v - v.mean(axis=0)) ** 2).sum() / (kind.axes * (len(v) - 1)))
         virial, hits = (gases.growth(run, column, settled) for column in ("virial", "collisions"))
-        found.append({
-            "value": value,
-            "Z": 1 + virial / (kind.axes * n * gases.MASS * t),
-            "Z of theory": kind.theory(value),
-            "collision rate": 2 * hits / n,
-            "collision rate of theory": gas.rate_of_pressure(kind.theory(value), DIAMETER, t, kind.axes),
-            "impulse": virial / hits / DIAMETER,
-            "impulse of theory": gases.MASS * math.sqrt(math.pi * t),
-        })  # fmt: skip
+        found[value] = {
+            "Z": (1 + virial / (kind.axes * len(v) * gases.MASS * t), kind.theory(value)),
+            "collision rate": (
+                2 * hits / len(v),
+                gas.rate_of_pressure(kind.theory(value), gases.DIAMETER, t, kind.axes),
+            ),
+            "impulse": (virial / hits / gases.DIAMETER, gases.MASS * math.sqrt(math.pi * t)),
+        }
     return found
 
 
-def relative(results: Results, quantity: str, *of: Kind) -> Measured:
+def against_theory(results: Results, quantity: str, *of: Kind) -> Measured:
     """Largest relative error over the densities of Z, the collision rate or the impulse."""
-    found = {}
-    for kind in of:
-        for row in rows(results, kind):
-            got, want = row[quantity], row[f"{quantity} of theory"]
-            found[f"{kind.name} {row['value']:g}"] = Measured(abs(got / want - 1), got, want)
+    found = {
+        f"{kind.name} {value:g}": relative(*row[quantity])
+        for kind in of
+        for value, row in observed(results, kind).items()
+    }
     return largest(found, ", ".join(f"{one.value:.2%}" for one in found.values()))
 
 
-def virial(results: Results) -> Measured:
-    """Z of spheres up to VIRIAL_TO against the virial series, largest relative error."""
-    found = {}
-    for row in rows(results, SPHERES):
-        want = gas.virial_series(SPHERES.fraction(row["value"]))
-        if row["value"] <= VIRIAL_TO:
-            found[f"{row['value']:g}"] = Measured(abs(row["Z"] / want - 1), row["Z"], want)
-    return largest(found)
+def virial(results: Results) -> dict[str, tuple[float, float]]:
+    """Z of spheres up to VIRIAL_TO, and by the virial series."""
+    return {
+        f"{value:g}": (row["Z"][0], gas.virial_series(SPHERES.fraction(value)))
+        for value, row in observed(results, SPHERES).items()
+        if value <= VIRIAL_TO
+    }
 
 
 def below_henderson(results: Results) -> Measured:
     """How far the Z of the densest disks is below Henderson's, relative."""
-    row = rows(results, DISKS)[-1]
-    want = gas.disk_compressibility(row["value"], gas.henderson(row["value"]))
-    return Measured(1 - row["Z"] / want, row["Z"], want, f"eta = {row['value']:g}")
+    eta, row = list(observed(results, DISKS).items())[-1]
+    got, want = row["Z"][0], gas.disk_compressibility(eta, gas.henderson(eta))
+    return Measured(1 - got / want, got, want, f"eta = {eta:g}")
 
 
 def _figure(results: Results) -> plots.Figure:
@@ -175,11 +156,11 @@ def _figure(results: Results) -> plots.Figure:
     right.plot(grid, 100 * (henderson / corrected - 1), color="#d55e00", lw=1.2, label="disks: Henderson")
     right.axhspan(-0.5, 0.5, color="0.93")
     for kind, mark in ((DISKS, "o"), (SPHERES, "s")):
-        found = rows(results, kind)
-        x, z = [kind.fraction(row["value"]) for row in found], np.array([row["Z"] for row in found])
+        found = observed(results, kind)
+        x, z = [kind.fraction(value) for value in found], np.array([row["Z"] for row in found.values()])
         look = plots.style(HARD, linestyle="none", marker=mark, label=f"{kind.name}, event-driven")
-        left.plot(x, z, **look)
-        right.plot(x, 100 * (z / [row["Z of theory"] for row in found] - 1), **look)
+        left.plot(x, z[:, 0], **look)
+        right.plot(x, 100 * (z[:, 0] / z[:, 1] - 1), **look)
     left.set(xlabel="area or volume fraction", ylabel="Z = p V/(N m T)", yscale="log", ylim=(1, 20))
     right.set(xlabel="area or volume fraction", ylabel="Z / theory - 1 [%]", ylim=(-1, 2.5))
     plots.legend(left, right)
@@ -188,38 +169,33 @@ def _figure(results: Results) -> plots.Figure:
 
 def _table(results: Results) -> list[dict[str, Any]]:
     return [
-        {"of": kind.name, "fraction [1]": kind.fraction(row["value"]), "Z [1]": row["Z"],
-         "theory [1]": row["Z of theory"],
-         "Henderson [1]": gas.disk_compressibility(row["value"], gas.henderson(row["value"]))
-         if kind is DISKS else math.nan,
-         "collision rate [1/s]": row["collision rate"], "theory [1/s]": row["collision rate of theory"]}
+        {"of": kind.name, "fraction [1]": kind.fraction(value), "Z [1]": row["Z"][0],
+         "theory [1]": row["Z"][1],
+         "Henderson [1]":
+             gas.disk_compressibility(value, gas.henderson(value)) if kind is DISKS else math.nan,
+         "collision rate [1/s]": row["collision rate"][0], "theory [1/s]": row["collision rate"][1]}
         for kind in KINDS
-        for row in rows(results, kind)
+        for value, row in observed(results, kind).items()
     ]  # fmt: skip
 
 
 CASE = Case(
-    name="equation_of_state",
-    title="Pressure and collision rate of hard disks and spheres",
-    purpose=(
-        "The event-driven engine is a reference of the soft codes; here it is compared with what is known of"
-        " hard disks and spheres. The momentum of the collisions gives the pressure, their number the rate:"
-        " two counts of one run. The equations of state are accurate to 0.1 %, so that one collision missed"
-        " in two hundred is detected, and so is the 1 % by which Henderson's plain equation for disks is off."
-        " elastic_gas does the same for the soft codes, to a few per cent."
-    ),
+    name="equation_of_state", title="Pressure and collision rate of hard disks and spheres",
+    purpose="The event-driven engine is a reference of the soft codes; here it is compared with what is"
+    " known of hard disks and spheres. The momentum of the collisions gives the pressure, their number the"
+    " rate: two counts of one run. The equations of state are accurate to 0.1 %, so that one collision"
+    " missed in two hundred is detected, and so is the 1 % by which Henderson's plain equation for disks is"
+    " off. elastic_gas does the same for the soft codes, to a few per cent.",
     source="Henderson (1975); Luding, Phys. Rev. E 63 (2001) 042201; Carnahan and Starling (1969);"
     " Clisby and McCoy (2006).",
     variants=variants,
     checks=(
         *(
-            Check(
-                name=f"{what} of {kind.name}, largest relative error over the densities",
-                measure=lambda results, kind=kind, what=what: relative(results, what, kind),
-                tolerance=0.005, unit="1", against=kind.against, mark="P", needs=(HARD,),
-                reason="the equation itself (0.1 %; spheres at rho d^3 = 0.5: 0.2 % low), scatter of the"
-                " collisions counted (0.1 %)",
-                catches=catches,
+            hard(
+                f"{what} of {kind.name}, largest relative error over the densities",
+                lambda results, kind=kind, what=what: against_theory(results, what, kind),
+                0.005, kind.against, "the equation itself (0.1 %; spheres at rho d^3 = 0.5: 0.2 % low),"
+                " scatter of the collisions counted (0.1 %)", catches, mark="P",
             )
             for kind in KINDS
             for what, catches in (
@@ -227,35 +203,30 @@ CASE = Case(
                 ("collision rate", "collisions counted otherwise than they act"),
             )
         ),
-        Check(
-            name="Z of spheres up to rho d^3 = 0.5, largest relative error", measure=virial, tolerance=0.003,
-            unit="1", against="virial series (Clisby and McCoy 2006)", mark="P", needs=(HARD,),
-            reason="scatter of the collisions counted (0.1 %)",
-            catches="a third of a per cent of the momentum missed, which Carnahan and Starling may hide",
+        hard(
+            "Z of spheres up to rho d^3 = 0.5, largest relative error", virial, 0.003,
+            "virial series (Clisby and McCoy 2006)", "scatter of the collisions counted (0.1 %)",
+            "a third of a per cent of the momentum missed, which Carnahan and Starling may hide", mark="P",
         ),
-        Check(
-            name="mean impulse of a collision against m sqrt(pi T), largest relative error",
-            measure=lambda results: relative(results, "impulse", *KINDS), tolerance=0.003, unit="1",
-            against="Maxwell's distribution, exact", mark="A", needs=(HARD,),
-            reason="scatter of one impulse, 52 %, over all collisions counted: 0.1 % or less",
-            catches="fast or slow collisions missed; velocities that are not Maxwell's",
+        hard(
+            "mean impulse of a collision against m sqrt(pi T), largest relative error",
+            lambda results: against_theory(results, "impulse", *KINDS), 0.003,
+            "Maxwell's distribution, exact",
+            "scatter of one impulse, 52 %, over all collisions counted: 0.1 % or less",
+            "fast or slow collisions missed; velocities that are not Maxwell's",
         ),
-        Check(
-            name="Z of the densest disks, how far below Henderson's plain equation, relative",
-            measure=below_henderson, lo=0.007, tolerance=0.03, unit="1", against="Henderson (1975)", mark="P",
-            needs=(HARD,), reason="Luding's correction is 1.2 % at eta = 0.6 and 2 % at 0.65",
-            catches="a resolution that cannot distinguish the two equations",
+        hard(
+            "Z of the densest disks, how far below Henderson's plain equation, relative", below_henderson,
+            0.03, "Henderson (1975)", "Luding's correction is 1.2 % at eta = 0.6 and 2 % at 0.65",
+            "a resolution that cannot distinguish the two equations", mark="P", lo=0.007,
         ),
         conserved("energy, largest change"), no_overlap("largest overlap at a collision / diameter"),
     ),
-    figures=(
-        Figure(
-            "Equation of state",
-            "Right: divided by theory; grey: 0.5 %. Dense disks deviate from Henderson's equation.",
-            _figure, needs=(HARD,),
-        ),
-    ),
+    figures=(Figure(
+        "Equation of state",
+        "Right: divided by theory; grey: 0.5 %. Dense disks deviate from Henderson's equation.",
+        _figure, needs=(HARD,),
+    ),),
     tables=(Table("Pressure and collision rate", "Fractions are of area or volume.", _table, needs=(HARD,)),),
-    features=("periodic sides", "sphere-sphere"),
-    order=74,
+    features=("periodic sides", "sphere-sphere"), order=74,
 )  # fmt: skip

@@ -8,73 +8,53 @@ import numpy as np
 
 from comparisons.cases.gas import scenes as gases
 from comparisons.cases.gas.checks import EARLY, HARD, early_checks
+from comparisons.harness import check_builders as build
 from comparisons.harness import codes
-from comparisons.harness.case import (
-    Case,
-    Check,
-    Figure,
-    Measured,
-    PerCode,
-    Results,
-    Table,
-    Tier,
-    Variant,
-)
-from comparisons.harness.check_builders import per_pair
+from comparisons.harness.case import Case, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.oracles import gas
 from comparisons.report import plots
-from gpudem.output.run import Run
 from gpudem.scene import Output, Pair, Scene, Time
 
 PHI, RESTITUTION = 0.1, 0.9
-DURATION, EVERY, EARLY_TIME, SETTLED = 0.03, 2e-4, 1.5e-3, 2e-3
+DURATION, EARLY_TIME, SETTLED = 0.03, 1.5e-3, 2e-3
 #: Tier -> spheres, seeds, Young's modulus [Pa], step [s] (a thirtieth of the contact time at 2 m/s).
 SIZES: dict[Tier, tuple[int, int, float, float]] = {
     "quick": (500, 1, 5e8, 1.5e-6), "standard": (1000, 4, 2e9, 8e-7), "full": (8000, 4, 5e9, 5e-7),
 }  # fmt: skip
-TOLERANCE: dict[Tier, float] = {"quick": 0.10, "standard": 0.06, "full": 0.06}
 
 
-def scene(count: int, seed: int, young: float, step: float, duration: float, output: Output) -> Scene:
+def scene(count: int, seed: int, young: float, step: float, duration: float, **output: Any) -> Scene:
     return gases.gas_box(
         "haff", count, PHI, seed,
         materials={"ball": gases.material(young)},
         pairs=[Pair(materials=("ball", "ball"), restitution=RESTITUTION)],
-        time=Time(step=step, duration=duration), output=output,
+        time=Time(step=step, duration=duration), output=Output(**output),
     )  # fmt: skip
 
 
 def variants(tier: Tier) -> list[Variant]:
     count, many, young, step = SIZES[tier]
-    cooling = [
-        scene(count, s, young, step, DURATION, Output(history_every=EVERY)) for s in range(1, many + 1)
-    ]
-    made = [Variant(f"seed_{s}", one, codes.built_in()) for s, one in enumerate(cooling, 1)]
-    return [Variant(EARLY, scene(500, 1, 5e8, 1.5e-6, EARLY_TIME, Output(trace_every=6e-5))), *made]
+    made = [Variant(EARLY, scene(500, 1, 5e8, 1.5e-6, EARLY_TIME, trace_every=6e-5))]
+    for s in range(1, many + 1):
+        cooling = scene(count, s, young, step, DURATION, history_every=2e-4)
+        made.append(Variant(f"seed_{s}", cooling, codes.built_in()))
+    return made
 
 
-def theory(run: Run) -> float:
+def theory(results: Results, code: str) -> float:
     """d(T^-1/2)/dt [1/m] by Enskog's theory."""
-    density = len(run.scene.state) / run.scene.domain.hi[0] ** 3
-    return gas.haff_slope(2 * gases.RADIUS, density, RESTITUTION)
-
-
-def curves(results: Results, code: str) -> tuple[np.ndarray, np.ndarray]:
-    """(times [s], T^-1/2 [s/m] (seeds, times))."""
-    runs = [results[label, code] for label in results.labels(code, prefix="seed_")]
-    return runs[0].history["time"].to_numpy(), np.array([gases.temperature(run) ** -0.5 for run in runs])
+    scene = results["seed_1", code].scene
+    return gas.haff_slope(gases.DIAMETER, len(scene.state) / scene.domain.hi[0] ** 3, RESTITUTION)
 
 
 def slopes(results: Results, code: str) -> np.ndarray:
-    """(seeds,) of d(T^-1/2)/dt [1/m]: straight line, from two collisions of each sphere on."""
-    time, values = curves(results, code)
-    late = time > SETTLED
-    return np.array([np.polyfit(time[late], one[late], 1)[0] for one in values])
+    """(seeds,) of d(T^-1/2)/dt [1/m], from two collisions of each sphere on."""
+    return gases.cooling(results, code, SETTLED)[2]
 
 
 def against_theory(results: Results, code: str) -> Measured:
     """Mean slope over the seeds against Enskog's, relative."""
-    got, want = slopes(results, code), theory(results["seed_1", code])
+    got, want = slopes(results, code), theory(results, code)
     spread = float(np.std(got, ddof=1) / want) if len(got) > 1 else float("nan")
     note = f"{len(got)} seeds, standard deviation of one {spread:.2%}"
     return Measured(abs(float(got.mean()) / want - 1), float(got.mean()), want, note)
@@ -82,7 +62,7 @@ def against_theory(results: Results, code: str) -> Measured:
 
 def straight(results: Results, code: str) -> float:
     """Largest distance of T^-1/2, mean of the seeds, from its straight line, by its rise over the run."""
-    time, values = curves(results, code)
+    time, values, _ = gases.cooling(results, code, SETTLED)
     late = time > SETTLED
     mean = values.mean(axis=0)[late]
     line = np.polyval(np.polyfit(time[late], mean, 1), time[late])
@@ -92,7 +72,7 @@ def straight(results: Results, code: str) -> float:
 def difference(results: Results, code: str, other: str) -> Measured:
     """Difference of the mean slopes of two codes, by the theory's."""
     got, want = (float(slopes(results, c).mean()) for c in (code, other))
-    return Measured(abs(got - want) / theory(results["seed_1", code]), got, want)
+    return Measured(abs(got - want) / theory(results, code), got, want)
 
 
 def momentum(results: Results) -> float:
@@ -101,38 +81,15 @@ def momentum(results: Results) -> float:
     return float(np.abs(velocity[-1].mean(axis=0) - velocity[0].mean(axis=0)).max())
 
 
-def code_checks(code: str) -> tuple[Check, ...]:
-    common: dict[str, Any] = {"unit": "1", "mark": "A", "needs": (code,)}
-    return (
-        *(
-            Check(
-                name=f"slope of T^-1/2, mean over the seeds, relative error, {tier} ({code})",
-                measure=lambda results: against_theory(results, code), tolerance=tolerance,
-                against="Enskog theory", tiers=(tier,), **common,
-                reason="a seed of 1000 spheres (some 7000 collisions) scatters by 1 to 2 %; Enskog leaves out"
-                " the correlation of velocities, which slows the cooling by some 3 % at e = 0.9",
-                catches="a restitution off by 0.005, 5 % of collisions missed, damping that depends on speed",
-            )
-            for tier, tolerance in TOLERANCE.items()
-        ),
-        Check(
-            name=f"T^-1/2 against its straight line, largest distance / rise ({code})",
-            measure=lambda results: straight(results, code), tolerance=0.05, against="Haff's law", **common,
-            reason="scatter of the collisions in a tenth of the run, some 2 to 3 %",
-            catches="a restitution that depends on speed: the curve of viscoelastic spheres is bent",
-        ),
-    )  # fmt: skip
-
-
 def _figure(results: Results) -> plots.Figure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
-    for code in results.codes("seed_1"):
-        time, values = curves(results, code)
+    ran = results.codes("seed_1")
+    for code in ran:
+        time, values, _ = gases.cooling(results, code, SETTLED)
         plots.band(left, time, values**-2, code)
         plots.band(right, time, values, code)
-    run = next(run for (label, _), run in results.runs.items() if label == "seed_1")
     time = np.linspace(0, DURATION, 200)
-    line = gases.temperature(run)[0] ** -0.5 + theory(run) * time
+    line = gases.temperature(results["seed_1", ran[0]])[0] ** -0.5 + theory(results, ran[0]) * time
     left.plot(time, line**-2, "k", lw=0.9, label="Enskog")
     right.plot(time, line, "k", lw=0.9, label="Enskog")
     left.set(xlabel="time [s]", ylabel="T [m2/s2]", yscale="log")
@@ -142,51 +99,59 @@ def _figure(results: Results) -> plots.Figure:
 
 
 def _table(results: Results) -> list[dict[str, Any]]:
-    rows = []
-    for code in results.codes("seed_1"):
-        want = theory(results["seed_1", code])
-        for label, slope in zip(results.labels(code, prefix="seed_"), slopes(results, code), strict=True):
-            row = {"seed": label, "code": plots.name(code), "d(T^-1/2)/dt [1/m]": slope, "Enskog [1/m]": want}
-            rows.append(row | {"relative difference [1]": slope / want - 1})
-    return rows
+    return [
+        {"seed": f"seed_{seed}", "code": plots.name(code), "d(T^-1/2)/dt [1/m]": slope,
+         "Enskog [1/m]": (want := theory(results, code)), "relative difference [1]": slope / want - 1}
+        for code in results.codes("seed_1")
+        for seed, slope in enumerate(slopes(results, code), 1)
+    ]  # fmt: skip
 
 
 CASE = Case(
-    name="haff",
-    title="A cooling granular gas: Haff's law",
-    purpose=(
-        "A gas of inelastic spheres in a periodic box loses (1 - e^2)/4 m v_n^2 in each collision, and the"
-        " collisions become rarer as it cools: T = T0/(1 + t/tau)^2. Thousands of collisions at all speeds"
-        " and angles, in the bulk and across the periodic sides, must have the restitution and the rate of"
-        " theory. The trajectories are chaotic: the codes are compared step by step over the first"
-        " collisions, and by their means over seeds after that. Hard spheres from the same starts show what"
-        " Enskog's theory leaves out."
-    ),
+    name="haff", title="A cooling granular gas: Haff's law",
+    purpose="A gas of inelastic spheres in a periodic box loses (1 - e^2)/4 m v_n^2 in each collision, and"
+    " the collisions become rarer as it cools: T = T0/(1 + t/tau)^2. Thousands of collisions at all speeds"
+    " and angles, in the bulk and across the periodic sides, must have the restitution and the rate of"
+    " theory. The trajectories are chaotic: the codes are compared step by step over the first collisions,"
+    " and by their means over seeds after that. Hard spheres from the same starts show what Enskog's theory"
+    " leaves out.",
     source="Haff (1983); van Noije and Ernst (1998), Sonine coefficient; Carnahan and Starling (1969).",
     variants=variants,
     checks=(
-        *early_checks(), PerCode(code_checks), *code_checks(HARD),
-        per_pair(
+        *early_checks(),
+        *(
+            build.per_code(
+                f"slope of T^-1/2, mean over the seeds, relative error, {tier}", against_theory,
+                also=(HARD,), tolerance=tolerance, tiers=(tier,), against="Enskog theory",
+                reason="a seed of 1000 spheres (some 7000 collisions) scatters by 1 to 2 %; Enskog leaves out"
+                " the correlation of velocities, which slows the cooling by some 3 % at e = 0.9",
+                catches="a restitution off by 0.005, 5 % of collisions missed, damping that depends on speed",
+            )
+            for tier, tolerance in {"quick": 0.10, "standard": 0.06, "full": 0.06}.items()
+        ),
+        build.per_code(
+            "T^-1/2 against its straight line, largest distance / rise", straight, also=(HARD,),
+            tolerance=0.05, against="Haff's law",
+            reason="scatter of the collisions in a tenth of the run, some 2 to 3 %",
+            catches="a restitution that depends on speed: the curve of viscoelastic spheres is bent",
+        ),
+        build.per_pair(
             "slope of T^-1/2, difference of the codes' means / Enskog's slope", difference, tolerance=0.06,
             reason="chaotic: three standard deviations of the difference of two means, 1.5 % each",
             catches="collisions lost by one code after the first milliseconds",
         ),
-        Check(
-            name="velocity of the center of mass, change / rms velocity",
-            measure=momentum, tolerance=1e-12, unit="1", against="conservation", mark="A",
-            reason="equal and opposite forces, up to rounding of their sum",
+        build.check(
+            "velocity of the center of mass, change / rms velocity", momentum, tolerance=1e-12,
+            against="conservation", reason="equal and opposite forces, up to rounding of their sum",
             catches="a contact across a periodic side that acts on one sphere only",
         ),
     ),
-    figures=(
-        Figure(
-            "Temperature of the cooling gas",
-            "Mean and range over the seeds. Right: by Haff's law a straight line; its slope is the collision"
-            " rate times the loss in a collision.",
-            _figure,
-        ),
-    ),
+    figures=(Figure(
+        "Temperature of the cooling gas",
+        "Mean and range over the seeds. Right: by Haff's law a straight line; its slope is the collision"
+        " rate times the loss in a collision.",
+        _figure,
+    ),),
     tables=(Table("Cooling rate", "Straight line through T^-1/2 from 2 ms on.", _table),),
-    features=("normal hertz", "damping", "periodic sides", "sphere-sphere"),
-    order=70,
+    features=("normal hertz", "damping", "periodic sides", "sphere-sphere"), order=70,
 )  # fmt: skip

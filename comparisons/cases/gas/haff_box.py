@@ -8,31 +8,20 @@ from typing import Any
 import numpy as np
 
 from comparisons.cases.gas import scenes as gases
-from comparisons.cases.gas.checks import EARLY, HARD, collisions, conserved, early_checks, no_overlap
+from comparisons.cases.gas.checks import EARLY, HARD, collisions, conserved, early_checks, hard, no_overlap
+from comparisons.harness import check_builders as build
 from comparisons.harness import codes
-from comparisons.harness.case import (
-    Case,
-    Check,
-    Figure,
-    Measured,
-    PerCode,
-    Results,
-    Table,
-    Tier,
-    Variant,
-)
-from comparisons.harness.check_builders import per_pair
+from comparisons.harness.case import Case, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.metrics import engines
 from comparisons.report import plots
-from gpudem.output.run import Run
-from gpudem.scene import Box, Contact, Output, Pair, Scene, Time
+from gpudem.scene import Box, Output, Scene, Time
 
-PHI, SPEED, STEPS = 0.1, 1.0, 30
+PHI, STEPS = 0.1, 30
 #: Nearly elastic, for Haff's law itself; and as dissipative as `haff`, so that soft spheres need few steps.
 MILD, LOSSY = 0.98, 0.9
 MILD_DURATION, DURATION, EVERY, EARLY_TIME = 0.15, 0.03, 4e-4, 1.5e-3
-#: Two to three collisions of a sphere, in which the gas loses its lattice [s].
-SETTLED = 2.8e-3
+#: Two to three collisions of a sphere, in which the gas loses its lattice [s]; less a tie with a row.
+SETTLED = 2.8e-3 - 1e-9
 #: Tier -> hard spheres for Haff's law, spheres for all engines, seeds of all engines, contact time [s].
 SIZES: dict[Tier, tuple[int, int, int, float]] = {
     "quick": (2197, 512, 3, 4e-5), "standard": (4096, 512, 8, 4e-5), "full": (8000, 1000, 10, 2e-5),
@@ -47,54 +36,43 @@ SOFTNESS, SOFTNESS_RANGE = 1.0, (0.3, 1.2)
 
 
 def scene(
-    count: int, seed: int, restitution: float, contact_time: float, duration: float, output: Output
+    count: int, seed: int, restitution: float, contact_time: float, duration: float, **output: Any
 ) -> Scene:
-    """The gas with a linear spring through `hooke`, so that every contact lasts equally long."""
-    material = gases.material(gases.spring_young(contact_time, SPEED))
     return gases.gas_box(
         "haff_box", count, PHI, seed,
-        materials={"ball": material, "wall": material},
-        pairs=[
-            Pair(materials=("ball", "ball"), restitution=restitution),
-            Pair(materials=("ball", "wall"), restitution=1.0),
-        ],
-        contact=Contact(normal="hooke", tangential="off", characteristic_velocity=SPEED),
+        **gases.springs(contact_time, restitution, "wall", tangential="off"),
         walls=[Box(kind="box", name="box", material="wall")],
-        time=Time(step=contact_time / STEPS, duration=duration), output=output,
+        time=Time(step=contact_time / STEPS, duration=duration), output=Output(**output),
     )  # fmt: skip
 
 
 def variants(tier: Tier) -> list[Variant]:
     many, count, number, t_c = SIZES[tier]
-    rows, all_codes = Output(history_every=EVERY), codes.built_in()
-    early = Output(trace_every=20 * (t_c / STEPS))
-    made = [Variant(EARLY, scene(512, 1, LOSSY, t_c, EARLY_TIME, early))]
+    made = [Variant(EARLY, scene(512, 1, LOSSY, t_c, EARLY_TIME, trace_every=20 * (t_c / STEPS)))]
     for label, e in (("elastic", 1.0), ("mild", MILD)):
-        made.append(Variant(label, scene(many, 1, e, t_c, MILD_DURATION, rows), (HARD,)))
+        made.append(Variant(label, scene(many, 1, e, t_c, MILD_DURATION, history_every=EVERY), (HARD,)))
     for s in range(1, HARD_SEEDS + 1):
-        cooling = scene(count, s, LOSSY, t_c, DURATION, rows)
-        made.append(Variant(f"seed_{s}", cooling, all_codes if s <= number else (HARD,)))
-    if tier in LONG:
-        softer = {f"soft_{t:g}_seed_{s}": (s, t) for t in SOFTER for s in range(1, number + 1)}
-        for label, (s, t) in softer.items():
-            made.append(Variant(label, scene(count, s, LOSSY, t, DURATION, rows), ("gpudem",)))
+        cooling = scene(count, s, LOSSY, t_c, DURATION, history_every=EVERY)
+        made.append(Variant(f"seed_{s}", cooling, codes.built_in() if s <= number else (HARD,)))
+    for t in SOFTER if tier in LONG else ():
+        for s in range(1, number + 1):
+            cooling = scene(count, s, LOSSY, t, DURATION, history_every=EVERY)
+            made.append(Variant(f"soft_{t:g}_seed_{s}", cooling, ("gpudem",)))
     return made
 
 
-def settled(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(rows from SETTLED on, their times [s], their T [m2/s2])."""
+def settled(results: Results, label: str) -> tuple[np.ndarray, np.ndarray, float]:
+    """Hard spheres from SETTLED on: (times [s], T [m2/s2], collisions with each other meanwhile)."""
+    run = results[label, HARD]
     time = run.history["time"].to_numpy()
-    late = time >= SETTLED - 1e-9
-    return late, time[late], gases.temperature(run)[late]
+    late = time > SETTLED
+    return time[late], gases.temperature(run)[late], float(np.ptp(collisions(results, label)[late]))
 
 
 def rate(results: Results) -> float:
     """Collisions of a sphere with spheres per second, by the rms velocity [1/m], of the elastic gas."""
-    run = results["elastic", HARD]
-    late, time, _ = settled(run)
-    done = collisions(results, "elastic")[late]
-    hits = 2 * (done[-1] - done[0]) / (len(run.scene.state) * (time[-1] - time[0]))
-    return float(hits / math.sqrt(gases.temperature(run)[0]))
+    time, t, hits = settled(results, "elastic")
+    return float(2 * hits / (SIZES[results.tier][0] * (time[-1] - time[0])) / math.sqrt(t[0]))
 
 
 def haff(results: Results) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -102,7 +80,7 @@ def haff(results: Results) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
     T = T1/(1 + (1 - e^2) omega1 (t - t1)/6)^2, omega1 = rate sqrt(T1)
     """
-    _, time, t = settled(results["mild", HARD])
+    time, t, _ = settled(results, "mild")
     omega = rate(results) * math.sqrt(t[0])
     return time, t, t[0] / (1 + (1 - MILD**2) * omega * (time - time[0]) / 6) ** 2
 
@@ -114,38 +92,26 @@ def against_haff(results: Results) -> Measured:
     return Measured(float(np.abs(t / law - 1).max()), note=note)
 
 
-def decay(results: Results) -> Measured:
-    """-d ln T per collision and sphere against 2 (1 - e^2)/3."""
-    run = results["mild", HARD]
-    late, _, t = settled(run)
-    done = collisions(results, "mild")[late]
-    got = float(-np.log(t[-1] / t[0]) * len(run.scene.state) / (done[-1] - done[0]))
-    want = 2 * (1 - MILD**2) / 3
-    return Measured(abs(got / want - 1), got, want)
-
-
-def slope(run: Run) -> float:
-    """d(T^-1/2)/dt [1/m] by a straight line from SETTLED on; by Haff's law it does not depend on T(0)."""
-    _, time, t = settled(run)
-    return float(np.polyfit(time, t**-0.5, 1)[0])
+def decay(results: Results) -> tuple[float, float]:
+    """-d ln T per collision and sphere, and 2 (1 - e^2)/3."""
+    _, t, hits = settled(results, "mild")
+    return float(-np.log(t[-1] / t[0]) * SIZES[results.tier][0] / hits), 2 * (1 - MILD**2) / 3
 
 
 def samples(results: Results) -> dict[str, np.ndarray]:
     """Engine -> (seeds,) of the slope of T^-1/2."""
-    return {
-        code: np.array([slope(results[label, code]) for label in results.labels(code, prefix="seed_")])
-        for code in results.codes("seed_1")
-    }
+    return {code: gases.cooling(results, code, SETTLED)[2] for code in results.codes("seed_1")}
 
 
 def softening(results: Results) -> np.ndarray:
     """Rows by contact time: omega t_c, how much slower than hard spheres gpudem cools, standard error."""
-    labels, hard, rows = results.labels("gpudem", prefix="seed_"), samples(results)[HARD], []
+    every, rows = samples(results), []
+    exact = every[HARD]
     for t in (SIZES[results.tier][3], *SOFTER):
-        prefix = f"soft_{t:g}_" if t in SOFTER else ""
-        soft = np.array([slope(results[prefix + label, "gpudem"]) for label in labels])
-        error = math.hypot(soft.std(ddof=1) / len(soft) ** 0.5, hard.std(ddof=1) / len(hard) ** 0.5)
-        rows.append((rate(results) * t, float(1 - soft.mean() / hard.mean()), error / hard.mean()))
+        prefix = f"soft_{t:g}_seed_"
+        soft = gases.cooling(results, "gpudem", SETTLED, prefix)[2] if t in SOFTER else every["gpudem"]
+        error = math.hypot(soft.std(ddof=1) / len(soft) ** 0.5, exact.std(ddof=1) / len(exact) ** 0.5)
+        rows.append((rate(results) * t, float(1 - soft.mean() / exact.mean()), error / exact.mean()))
     return np.array(rows)
 
 
@@ -158,25 +124,18 @@ def softness(results: Results) -> Measured:
     )
 
 
+def against_hard(results: Results, code: str) -> Measured:
+    """Difference of the mean slopes of a code and of hard spheres, by what chance and softness allow."""
+    allowed = -SOFTNESS * rate(results) * SIZES[results.tier][3]
+    return engines.gap(samples(results), code, HARD, allowed)
+
+
 SOFT_REASON = (
     "softness: a spring returns two spheres a contact time t_c after they touch, as hard spheres smaller by"
     " v t_c/2 in diameter would; with the mean v of a collision, sqrt(pi T), that is d omega t_c/2, which"
     " reduces the rate of collisions by 1.4 omega t_c at this density; omega, taken at the start, falls to"
     " half meanwhile, which leaves up to 1 omega t_c"
 )
-
-
-def against_hard(code: str) -> Check:
-    def measure(results: Results) -> Measured:
-        allowed = -SOFTNESS * rate(results) * SIZES[results.tier][3]
-        return engines.gap(samples(results), code, HARD, allowed)
-
-    return Check(
-        name=f"slope of T^-1/2, difference from hard spheres / allowed ({code})", measure=measure,
-        tolerance=1.0, unit="1", against="event-driven hard spheres", mark="X", needs=(code, HARD),
-        reason=f"{engines.SIGMAS:g} standard errors over the seeds, and towards slower cooling {SOFT_REASON}",
-        catches="a restitution off by 0.01, which is 10 % of the loss",
-    )  # fmt: skip
 
 
 def _cooling(results: Results) -> plots.Figure:
@@ -187,9 +146,7 @@ def _cooling(results: Results) -> plots.Figure:
     left.axhline(0, color="k", lw=0.9, label="Haff, rate of the elastic gas")
     left.set(xlabel="time [s]", ylabel="T / Haff - 1", ylim=(-0.02, 0.02))
     for code in results.codes("seed_1"):
-        runs = [results[label, code] for label in results.labels(code, prefix="seed_")]
-        time = runs[0].history["time"].to_numpy()
-        plots.band(right, time, np.array([gases.temperature(run) ** -0.5 for run in runs]), code)
+        plots.band(right, *gases.cooling(results, code, SETTLED)[:2], code)
     right.set(xlabel="time [s]", ylabel="T^(-1/2) [s/m]")
     plots.legend(left, right)
     return figure
@@ -218,43 +175,46 @@ def _table(results: Results) -> list[dict[str, Any]]:
 
 
 CASE = Case(
-    name="haff_box",
-    title="A cooling gas between walls: three engines",
-    purpose=(
-        "Hard spheres are the limit of ever stiffer soft spheres. Between elastic walls, e = 0.98, they"
-        " follow Haff's law with the collision rate of the same gas without loss: nothing is fitted. From"
-        " the same starts, e = 0.9, the soft codes cool as the hard spheres do, up to the scatter of the"
-        " seeds and an error that grows with omega t_c, the fraction of time spent in contact."
-    ),
+    name="haff_box", title="A cooling gas between walls: three engines",
+    purpose="Hard spheres are the limit of ever stiffer soft spheres. Between elastic walls, e = 0.98, they"
+    " follow Haff's law with the collision rate of the same gas without loss: nothing is fitted. From the"
+    " same starts, e = 0.9, the soft codes cool as the hard spheres do, up to the scatter of the seeds and"
+    " an error that grows with omega t_c, the fraction of time spent in contact.",
     source="Haff (1983); van Noije and Ernst (1998).",
     variants=variants,
     checks=(
         *early_checks(),
-        Check(
-            name="T against Haff's law, largest relative error (event-driven)", measure=against_haff,
-            tolerance=0.01, unit="1", against="Haff's law, rate of the elastic gas", mark="A", needs=(HARD,),
-            reason="finite loss in a collision (0.2 %) and the scatter of the rate of some thousand spheres",
-            catches="a restitution off by 0.0005, one collision in a hundred missed",
+        hard(
+            "T against Haff's law, largest relative error (event-driven)", against_haff, 0.01,
+            "Haff's law, rate of the elastic gas",
+            "finite loss in a collision (0.2 %) and the scatter of the rate of some thousand spheres",
+            "a restitution off by 0.0005, one collision in a hundred missed",
         ),
-        Check(
-            name="-d ln T per collision and sphere against 2 (1 - e^2)/3, relative error (event-driven)",
-            measure=decay, tolerance=0.01, unit="1", against="closed form", mark="A", needs=(HARD,),
-            reason="the Sonine correction of the velocities (0.3 %) and scatter; no rate enters",
-            catches="a restitution off by 0.0005; a loss counted per sphere instead of per collision",
+        hard(
+            "-d ln T per collision and sphere against 2 (1 - e^2)/3, relative error (event-driven)", decay,
+            0.01, "closed form",
+            "the Sonine correction of the velocities (0.3 %) and scatter; no rate enters",
+            "a restitution off by 0.0005; a loss counted per sphere instead of per collision",
         ),
         conserved("energy of the elastic gas, largest change (event-driven)", prefix="elastic"),
-        no_overlap(), PerCode(against_hard),
-        per_pair(
+        no_overlap(),
+        build.per_code(
+            "slope of T^-1/2, difference from hard spheres / allowed", against_hard, beside=(HARD,),
+            tolerance=1.0, against="event-driven hard spheres", mark="X",
+            reason=f"{engines.SIGMAS:g} standard errors over the seeds, and towards slower cooling"
+            f" {SOFT_REASON}",
+            catches="a restitution off by 0.01, which is 10 % of the loss",
+        ),
+        build.per_pair(
             "slope of T^-1/2, difference of the soft codes / allowed",
             lambda results, code, other: engines.gap(samples(results), code, other), tolerance=1.0,
             reason=f"{engines.SIGMAS:g} standard errors over the seeds; same law, same softness",
             catches="collisions lost by one code after the first milliseconds; side walls that absorb 2 %",
         ),
-        Check(
-            name="softness: relative lag of the slope / omega t_c, line through zero (gpudem)",
-            measure=softness, tolerance=SOFTNESS_RANGE[1], lo=SOFTNESS_RANGE[0], unit="1", mark="A",
-            needs=("gpudem", HARD), against="derivation from the mean contact", tiers=LONG,
-            reason=SOFT_REASON,
+        build.check(
+            "softness: relative lag of the slope / omega t_c, line through zero (gpudem)", softness,
+            tolerance=SOFTNESS_RANGE[1], lo=SOFTNESS_RANGE[0], needs=("gpudem", HARD), tiers=LONG,
+            against="derivation from the mean contact", reason=SOFT_REASON,
             catches="soft spheres that do not tend to hard ones, or whose contact takes another time",
         ),
     ),
@@ -273,6 +233,5 @@ CASE = Case(
         ),
     ),
     tables=(Table("Cooling rate", "Line through T^-1/2, mean over the seeds.", _table, needs=(HARD,)),),
-    features=("normal hooke", "damping", "wall plane", "sphere-sphere"),
-    order=71,
+    features=("normal hooke", "damping", "wall plane", "sphere-sphere"), order=71,
 )  # fmt: skip

@@ -7,12 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from comparisons.harness.case import Results
 from comparisons.oracles import linear
 from gpudem.output.run import Run
-from gpudem.scene import Domain, Lattice, Material, Scene
+from gpudem.scene import Contact, Domain, Lattice, Material, Pair, Scene
 
 RADIUS, DENSITY, POISSON = 1e-3, 2500.0, 0.3
-MASS = DENSITY * 4 / 3 * math.pi * RADIUS**3
+DIAMETER, MASS = 2 * RADIUS, DENSITY * 4 / 3 * math.pi * RADIUS**3
+#: Characteristic velocity of `hooke`, by which a Young's modulus gives a spring [m/s].
+SPEED = 1.0
 
 
 def box_length(count: int, phi: float) -> float:
@@ -34,6 +37,24 @@ def spring_young(contact_time: float, speed: float) -> float:
 def material(young: float) -> Material:
     """The material of all gases, with a Young's modulus [Pa]."""
     return Material(young=young, poisson=POISSON, density=DENSITY)
+
+
+def springs(contact_time: float, restitution: float, wall: str = "", **contact: Any) -> dict[str, Any]:
+    """Sections of a gas with linear springs through `hooke`, so that every contact lasts equally long.
+
+    Args:
+        contact_time: Time of a contact of two spheres [s].
+        restitution: Of two spheres; a wall is elastic.
+        wall: Material of the walls, if there are any.
+        contact: Further fields of `Contact`.
+    """
+    names = ["ball", wall] if wall else ["ball"]
+    losses = zip(names, (restitution, 1.0), strict=False)
+    return {
+        "materials": dict.fromkeys(names, material(spring_young(contact_time, SPEED))),
+        "pairs": [Pair(materials=("ball", name), restitution=e) for name, e in losses],
+        "contact": Contact(normal="hooke", characteristic_velocity=SPEED, **contact),
+    }
 
 
 def gas_box(name: str, count: int, phi: float, seed: int, **sections: Any) -> Scene:
@@ -58,6 +79,18 @@ def gas_box(name: str, count: int, phi: float, seed: int, **sections: Any) -> Sc
 def temperature(run: Run) -> np.ndarray:
     """T [m2/s2] in time, from the kinetic energy of the history."""
     return 2 * run.history["kinetic_energy"].to_numpy() / (3 * MASS * len(run.scene.state))
+
+
+def cooling(
+    results: Results, code: str, since: float, prefix: str = "seed_"
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of the runs of a prefix: times [s], T^-1/2 [s/m] (seeds, times), and the slope [1/m] (seeds,) of the
+    straight line through T^-1/2 after a time [s]; by Haff's law it does not depend on T(0).
+    """
+    runs = [results[label, code] for label in results.labels(code, prefix=prefix)]
+    time, values = runs[0].history["time"].to_numpy(), np.array([temperature(run) ** -0.5 for run in runs])
+    late = time > since
+    return time, values, np.array([np.polyfit(time[late], one[late], 1)[0] for one in values])
 
 
 def growth(run: Run, column: str, since: float) -> float:

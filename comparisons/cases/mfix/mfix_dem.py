@@ -10,7 +10,7 @@ import numpy as np
 from comparisons.cases.mfix import scenes as mfix
 from comparisons.cases.single_contact.meetings import errors, exact
 from comparisons.harness import check_builders as build
-from comparisons.harness.case import TIERS, Case, Figure, Measured, Results, Tier, Variant, relative
+from comparisons.harness.case import TIERS, Case, Figure, Measured, Results, Tier, Variant
 from comparisons.metrics.trace import slip_end
 from comparisons.oracles import closed_forms
 from comparisons.oracles.linear import Bouncer, hard_sphere_top, squeezed_column
@@ -46,24 +46,24 @@ def title(stiffness: float, restitution: float) -> str:
     return f"k = {stiffness:g} N/m, e = {restitution:g}"
 
 
-def heights(results: Results, code: str, name: str, rows: Rows) -> dict[str, Measured]:
+def heights(results: Results, code: str, name: str, rows: Rows) -> dict[str, float]:
     """Largest difference of the height from the exact one over the trace, by the drop."""
     trace, found = results[name, code].trace, {}
     for k, row in enumerate(rows):
         gap, _ = bouncer(*row).at(trace["time"])
         off = np.abs(trace["position"][:, k, 2] - mfix.BALL - gap).max() / mfix.DROP
-        found[title(*row)] = Measured(float(off))
+        found[title(*row)] = float(off)
     return found
 
 
-def speed_after(results: Results, code: str) -> dict[str, Measured]:
+def speed_after(results: Results, code: str) -> dict[str, tuple[float, float]]:
     """DEM01: velocity of the rebound, relative error; from the first row after it."""
     trace, found = results["dem01", code].trace, {}
     for k, row in enumerate(mfix.FALLS):
         leave = bouncer(*row).phases(0.5)[2]
         after = int(np.argmax(trace["time"] > leave.start + 1e-3))
         got = float(trace["velocity"][after, k, 2]) + mfix.GRAVITY * (trace["time"][after] - leave.start)
-        found[title(*row)] = relative(got, leave.speed)
+        found[title(*row)] = got, leave.speed
     return found
 
 
@@ -96,57 +96,56 @@ def column(results: Results, time: np.ndarray, restitution: float) -> np.ndarray
     )
 
 
-def squeezed(results: Results, code: str) -> dict[str, Measured]:
+def squeezed(results: Results, code: str) -> dict[str, float]:
     """DEM03: largest difference of a height from the exact one, by the first overlap with the floor."""
     trace, found = results["dem03", code].trace, {}
     for k, e in enumerate(mfix.RESTITUTIONS):
         off = trace["position"][:, 2 * k : 2 * k + 2, 2] - column(results, trace["time"], e)
-        found[f"e = {e:g}"] = Measured(float(np.abs(off).max()) / (mfix.GRAIN - mfix.HEIGHTS[0]))
+        found[f"e = {e:g}"] = float(np.abs(off).max()) / (mfix.GRAIN - mfix.HEIGHTS[0])
     return found
 
 
-def slipping(results: Results, code: str) -> dict[str, Measured]:
-    """DEM04: relative error of end of slip, and of speed and R x spin, means over the rolling."""
+def slipping(results: Results, code: str) -> dict[str, tuple[float, float]]:
+    """DEM04: end of slip, and speed and R x spin, means over the rolling."""
     trace, found, final = results["dem04", code].trace, {}, 5 / 7 * mfix.THROW
     time = trace["time"]
     for k, mu in enumerate(mfix.FRICTIONS):
         speed, surface = trace["velocity"][:, k, 0], mfix.GRAIN * trace["angular_velocity"][:, k, 1]
         end = slip_end(time, speed - surface)
         late = time > end + 0.3 * (time[-1] - end)
-        slip_time = closed_forms.slip_time(mfix.THROW, mu, mfix.GRAVITY)
-        found[f"end of slip, mu = {mu:g}"] = relative(end, slip_time)
-        found[f"speed, mu = {mu:g}"] = relative(float(speed[late].mean()), final)
-        found[f"R x spin, mu = {mu:g}"] = relative(float(surface[late].mean()), final)
+        found[f"end of slip, mu = {mu:g}"] = end, closed_forms.slip_time(mfix.THROW, mu, mfix.GRAVITY)
+        found[f"speed, mu = {mu:g}"] = float(speed[late].mean()), final
+        found[f"R x spin, mu = {mu:g}"] = float(surface[late].mean()), final
     return found
 
 
-def pellet_errors(results: Results, code: str) -> dict[str, Measured]:
+def pellet_errors(results: Results, code: str) -> dict[str, float]:
     """DEM05: largest velocity or spin error against the ODE, by the impact speed."""
     found = {m.label: errors(results, results["dem05", code], m) for m in mfix.MEETINGS}
-    return {label: Measured(max(e["velocity"], e["angular_velocity"])) for label, e in found.items()}
+    return {label: max(e["velocity"], e["angular_velocity"]) for label, e in found.items()}
 
 
-def pellet(run: Run, row: int) -> tuple[float, float, float]:
-    """DEM05: (rebound angle [deg], tangential restitution [1], spin [rad/s]) of one sphere."""
+def pellet(run: Run, row: int) -> dict[str, float]:
+    """DEM05: how one sphere rebounds."""
     v, w = run.trace["velocity"][:, row], run.trace["angular_velocity"][-1, row]
-    return math.degrees(math.atan2(v[-1, 0], v[-1, 2])), float(v[-1, 0] / v[0, 0]), abs(float(w[1]))
+    angle = math.degrees(math.atan2(v[-1, 0], v[-1, 2]))
+    values = angle, float(v[-1, 0] / v[0, 0]), abs(float(w[1]))
+    return dict(zip(("rebound angle [deg]", "restitution [1]", "spin [rad/s]"), values, strict=True))
 
 
-PELLET = ("rebound angle [deg]", "restitution [1]", "spin [rad/s]")
+def published(results: Results, code: str) -> dict[str, dict[str, build.Compared]]:
+    """DEM05: how each sphere rebounds, beside what MFIX-DEM prints."""
+    found = {}
+    for angle, printed in mfix.PUBLISHED.items():
+        got = pellet(results["dem05", code], mfix.ANGLES.index(angle))
+        for quantity, want in zip(got, printed, strict=True):
+            found.setdefault(quantity, {})[f"{angle:g} deg"] = got[quantity], want
+    return found
 
 
-def published(results: Results, code: str, quantity: int) -> dict[str, Measured]:
-    """DEM05: relative difference from one column of what MFIX-DEM prints."""
-    run = results["dem05", code]
-    return {
-        f"{angle:g} deg": relative(pellet(run, mfix.ANGLES.index(angle))[quantity], printed[quantity])
-        for angle, printed in mfix.PUBLISHED.items()
-    }
-
-
-def all_published(results: Results, code: str) -> dict[str, Measured]:
-    """DEM05: the same for all columns."""
-    columns = {name: published(results, code, k) for k, name in enumerate(PELLET)}
+def all_published(results: Results, code: str) -> dict[str, build.Compared]:
+    """DEM05: all quantities of all spheres."""
+    columns = published(results, code)
     return {f"{name} at {angle}": m for name, found in columns.items() for angle, m in found.items()}
 
 
@@ -253,7 +252,8 @@ def _pellet_axes(axes: plots.Axes, results: Results) -> None:
     ode = [math.degrees(math.atan2(-t.contact.final[3], t.contact.final[2])) for t in solved]
     axes.plot(mfix.ANGLES, np.abs(ode), **plots.style("oracle"))
     for code in ran:
-        angles = [pellet(results["dem05", code], k)[0] for k in range(len(mfix.ANGLES))]
+        found = [pellet(results["dem05", code], k) for k in range(len(mfix.ANGLES))]
+        angles = [one["rebound angle [deg]"] for one in found]
         axes.plot(mfix.ANGLES, angles, **plots.marks(code, color=plots.color(code), label=plots.name(code)))
     printed = [p[0] for p in mfix.PUBLISHED.values()]
     axes.plot(list(mfix.PUBLISHED), printed, "+", color="#009e73", ms=11, label="MFIX-DEM")
@@ -275,40 +275,29 @@ def _figure(results: Results) -> plots.Figure:
 
 
 CASE = Case(
-    name="mfix_dem",
-    title="MFIX-DEM's verification cases DEM01 to DEM05",
-    purpose=(
-        "The verification cases of another public code, with its numbers, over ranges of parameters: a sphere"
-        " dropped on a floor (19 pairs of stiffness and restitution), its repeated bounces (18, against the"
-        " exact motion and the limit of hard spheres), two spheres compressed between floor and roof (6), a"
-        " sphere thrown along a floor (9 frictions), and alumina spheres on glass at 8 angles. The first four"
-        " have linear springs, here `hooke` with the Young's modulus that gives k; the fifth has the Hertz"
-        " law. MFIX' linear variant of DEM05 cannot be stated: it has k_t = 0.86 k_n, hooke has k_t = k_n."
-    ),
-    source=(
-        "MFIX-DEM tests/dem/DEM01 to DEM05 (set-ups, analytic solutions, AUTOTEST results); Kharaz, Gorham"
-        " and Salman, Powder Technol. 120 (2001) 281."
-    ),
+    name="mfix_dem", title="MFIX-DEM's verification cases DEM01 to DEM05",
+    purpose="The verification cases of another public code, with its numbers, over ranges of parameters: a"
+    " sphere dropped on a floor (19 pairs of stiffness and restitution), its repeated bounces (18, against"
+    " the exact motion and the limit of hard spheres), two spheres compressed between floor and roof (6), a"
+    " sphere thrown along a floor (9 frictions), and alumina spheres on glass at 8 angles. The first four"
+    " have linear springs, here `hooke` with the Young's modulus that gives k; the fifth has the Hertz law."
+    " MFIX' linear variant of DEM05 cannot be stated: it has k_t = 0.86 k_n, hooke has k_t = k_n.",
+    source="MFIX-DEM tests/dem/DEM01 to DEM05 (set-ups, analytic solutions, AUTOTEST results); Kharaz,"
+    " Gorham and Salman, Powder Technol. 120 (2001) 281.",
     variants=variants,
     checks=CHECKS,
-    figures=(
-        Figure(
-            "DEM01, DEM02, DEM03 and DEM05",
-            "Lines: exact; plus signs: MFIX-DEM's own results. With soft springs the overlap reaches a tenth"
-            " of a meter, and the rebound is lower than that of a hard sphere.",
-            _figure,
-        ),
-    ),
-    tables=(
-        build.table(
-            "DEM05 beside MFIX-DEM's printed results", "Hertz law, sphere on wall.",
-            {name: lambda r, c, k=k: published(r, c, k) for k, name in enumerate(PELLET)},
-            reference="MFIX-DEM",
-        ),
-    ),
+    figures=(Figure(
+        "DEM01, DEM02, DEM03 and DEM05",
+        "Lines: exact; plus signs: MFIX-DEM's own results. With soft springs the overlap reaches a tenth"
+        " of a meter, and the rebound is lower than that of a hard sphere.",
+        _figure,
+    ),),
+    tables=(build.table(
+        "DEM05 beside MFIX-DEM's printed results", "Hertz law, sphere on wall.", published,
+        reference="MFIX-DEM",
+    ),),
     features=(
         "normal hooke", "normal hertz", "damping", "gravity", "wall plane", "several materials",
         "sphere-sphere", "tangential history", "rotation",
-    ),
-    order=60,
+    ), order=60,
 )  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 
 from comparisons.cases.rolling.scenes import GRAVITY, arm, on_plane, rate, step_by_step
 from comparisons.harness import check_builders as build
-from comparisons.harness.case import Case, Figure, Measured, Results, Variant, relative
+from comparisons.harness.case import Case, Figure, Measured, Results, Variant
 from comparisons.oracles.rolling import down_slope, sticking_limit
 from comparisons.report import plots
 from gpudem.output.run import Run
@@ -17,7 +17,7 @@ from gpudem.scene import Domain, Output, Scene, Time
 SLOPES = (20.0, 45.0)
 #: Friction as a multiple of 2/7 tan(slope), where rolling ends.
 SHARES = (0.25, 0.5, 0.75, 0.9, 0.98, 1.02, 1.1, 1.5, 2.5)
-STEP, DURATION, TRACE = 4e-6, 0.1, 2e-4
+DURATION = 0.1
 
 
 def frictions(slope: float) -> list[float]:
@@ -30,7 +30,7 @@ def scene(slope: float) -> Scene:
     return on_plane(
         [{"friction": mu} for mu in frictions(slope)], slope=slope, name=f"incline_{slope:g}",
         domain=Domain(lo=(-0.01, -0.01, -0.001), hi=(0.1, 0.01 * len(SHARES), 0.01)),
-        time=Time(step=STEP, duration=DURATION), output=Output(trace_every=TRACE),
+        time=Time(step=4e-6, duration=DURATION), output=Output(trace_every=2e-4),
     )  # fmt: skip
 
 
@@ -38,11 +38,13 @@ def label(slope: float) -> str:
     return f"slope_{slope:g}"
 
 
-def rates(run: Run, slope: float, k: int) -> tuple[float, float]:
-    """(du/dt, a dw/dt) [m/s2] of sphere k: lines through the second half of the run."""
-    speed, spin = run.trace["velocity"][:, k, 0], run.trace["angular_velocity"][:, k, 1]
-    du, dw = (rate(run, values, DURATION / 2) for values in (speed, spin))
-    return du, dw * arm(run.scene, slope).arm
+def rates(run: Run, slope: float) -> list[tuple[float, float]]:
+    """(du/dt, a dw/dt) [m/s2] of each sphere: lines through the second half of the run."""
+    found, lever = [], arm(run.scene, slope).arm
+    for k in range(len(SHARES)):
+        speed, spin = run.trace["velocity"][:, k, 0], run.trace["angular_velocity"][:, k, 1]
+        found.append((rate(run, speed, DURATION / 2), rate(run, spin, DURATION / 2) * lever))
+    return found
 
 
 def exact(run: Run, slope: float, friction: float) -> tuple[float, float]:
@@ -50,27 +52,27 @@ def exact(run: Run, slope: float, friction: float) -> tuple[float, float]:
     return down_slope(arm(run.scene, slope), math.radians(slope), friction, GRAVITY)
 
 
-def accelerations(results: Results, code: str, quantity: int) -> dict[str, Measured]:
-    """Error of du/dt (0) or a dw/dt (1), by the rolling acceleration."""
-    found = {}
+def accelerations(results: Results, code: str) -> dict[str, dict[str, build.Compared]]:
+    """Both accelerations of each sphere; error by the rolling acceleration."""
+    found = {"acceleration [m/s2]": {}, "a x angular acceleration [m/s2]": {}}
     for slope in SLOPES:
         run = results[label(slope), code]
         rolling = exact(run, slope, 10.0)[0]
-        for k, mu in enumerate(frictions(slope)):
-            want, got = exact(run, slope, mu)[quantity], rates(run, slope, k)[quantity]
-            where = f"{slope:g} deg, mu = {SHARES[k]:g} x limit"
-            found[where] = Measured(abs(got - want) / rolling, got, want)
+        for share, mu, both in zip(SHARES, frictions(slope), rates(run, slope), strict=True):
+            where = f"{slope:g} deg, mu = {share:g} x limit"
+            for one, got, want in zip(found.values(), both, exact(run, slope, mu), strict=True):
+                one[where] = Measured(abs(got - want) / rolling, got, want)
     return found
 
 
-def transition(results: Results, code: str) -> dict[str, Measured]:
-    """Friction at which slip ends, relative to the limit: the line through the last two slips."""
+def transition(results: Results, code: str) -> dict[str, tuple[float, float]]:
+    """Friction at which slip ends, beside the limit: the line through the last two slips."""
     found = {}
     for slope in SLOPES:
         run, mu = results[label(slope), code], frictions(slope)
-        slips = [speed - surface for speed, surface in (rates(run, slope, k) for k in (3, 4))]
+        slips = [speed - surface for speed, surface in rates(run, slope)[3:5]]
         zero = mu[4] - slips[1] * (mu[4] - mu[3]) / (slips[1] - slips[0])
-        found[f"{slope:g} deg"] = relative(zero, sticking_limit(arm(run.scene, slope), math.radians(slope)))
+        found[f"{slope:g} deg"] = zero, sticking_limit(arm(run.scene, slope), math.radians(slope))
     return found
 
 
@@ -81,12 +83,10 @@ def _figure(results: Results) -> plots.Figure:
         ran, tangent = results.codes(label(slope)), math.tan(math.radians(slope))
         unit, first = GRAVITY * math.sin(math.radians(slope)), results[label(slope), ran[0]]
         wanted = np.array([exact(first, slope, s * 2 / 7 * tangent) for s in grid]) / unit
+        found = {code: np.array(rates(results[label(slope), code], slope)) / unit for code in ran}
         for j, name in enumerate(("acceleration", "a x angular acceleration")):
-            found = {}
-            for code in ran:
-                run = results[label(slope), code]
-                found[code] = [rates(run, slope, k)[j] / unit for k in range(len(SHARES))]
-            plots.exact_and_marks(ax, SHARES, (grid, wanted[:, j]), found, plots.SERIES[j], name)
+            values = {code: both[:, j] for code, both in found.items()}
+            plots.exact_and_marks(ax, SHARES, (grid, wanted[:, j]), values, plots.SERIES[j], name)
         ax.set(xlabel="mu / (2/7 tan(slope))", title=f"slope {slope:g} degrees")
     axes[0].set_ylabel("/ (g sin(slope))")
     plots.legend(axes[0], points=results.codes())
@@ -94,14 +94,11 @@ def _figure(results: Results) -> plots.Figure:
 
 
 CASE = Case(
-    name="incline",
-    title="Sphere on an incline: rolling or sliding",
-    purpose=(
-        "A sphere released on an incline rolls if tan(slope) is at most 7/2 mu; beyond, it slides and spins"
-        " up. Nine frictions on each of two slopes, two of them 2 % below and above the limit, show both"
-        " accelerations in both regimes, and the limit itself: the balance of friction, torque and moment of"
-        " inertia under a steady load, which a short impact does not show."
-    ),
+    name="incline", title="Sphere on an incline: rolling or sliding",
+    purpose="A sphere released on an incline rolls if tan(slope) is at most 7/2 mu; beyond, it slides and"
+    " spins up. Nine frictions on each of two slopes, two of them 2 % below and above the limit, show both"
+    " accelerations in both regimes, and the limit itself: the balance of friction, torque and moment of"
+    " inertia under a steady load, which a short impact does not show.",
     source="Rigid-body mechanics: 5/7 g sin(slope); g (sin - mu cos) and 5/2 mu g cos/R.",
     variants=lambda tier: [Variant(label(slope), scene(slope)) for slope in SLOPES],
     checks=(
@@ -110,18 +107,13 @@ CASE = Case(
             reason="same law, same scheme: rounding, over 25 000 steps in contact",
             catches="a spring forgotten or shortened otherwise in a lasting contact",
         ),
-        *(
-            build.per_code(
-                f"{name}, largest error / rolling acceleration",
-                lambda results, code, k=k: accelerations(results, code, k),
-                tolerance=1e-6, against="closed form", catches=catches,
-                reason="the closed form has the arm R - overlap/2 of the law, and the dashpot has ended the"
-                " oscillation of the spring: rounding is left; the arm R would give 6e-5",
-            )
-            for k, (name, catches) in enumerate((
-                ("acceleration", "friction other than mu N, a moment of inertia other than 2/5 m R^2"),
-                ("a x angular acceleration", "a torque that does not belong to the friction, a wrong arm"),
-            ))
+        *build.per_quantity(
+            accelerations,
+            {"acceleration [m/s2]": "friction other than mu N, a moment of inertia other than 2/5 m R^2",
+             "a x angular acceleration [m/s2]": "a torque that does not belong to the friction, a wrong arm"},
+            "{}, largest error / rolling acceleration", tolerance=1e-6, against="closed form",
+            reason="the closed form has the arm R - overlap/2 of the law, and the dashpot has ended the"
+            " oscillation of the spring: rounding is left; the arm R would give 6e-5",
         ),
         build.per_code(
             "friction at which slip ends / (2/7 tan(slope)), less 1", transition,
@@ -130,22 +122,15 @@ CASE = Case(
             catches="a spring that creeps below the limit of friction",
         ),
     ),
-    figures=(
-        Figure(
-            "Acceleration on both sides of the limit",
-            "Lines: closed form. Left of 1 the sphere slides, and its surface is slower than its center;"
-            " right of 1 both accelerations are 5/7 of g sin(slope).",
-            _figure,
-        ),
-    ),
-    tables=(
-        build.table(
-            "Accelerations", "By straight lines through the second half of the run.",
-            {"du/dt [m/s2]": lambda results, code: accelerations(results, code, 0),
-             "a dw/dt [m/s2]": lambda results, code: accelerations(results, code, 1)},
-            rows="sphere",
-        ),
-    ),
-    features=("normal hertz", "damping", "tangential history", "rotation", "gravity", "wall plane"),
-    order=42,
+    figures=(Figure(
+        "Acceleration on both sides of the limit",
+        "Lines: closed form. Left of 1 the sphere slides, and its surface is slower than its center;"
+        " right of 1 both accelerations are 5/7 of g sin(slope).",
+        _figure,
+    ),),
+    tables=(build.table(
+        "Accelerations", "By straight lines through the second half of the run.", accelerations,
+        rows="sphere",
+    ),),
+    features=("normal hertz", "damping", "tangential history", "rotation", "gravity", "wall plane"), order=42,
 )  # fmt: skip

@@ -7,28 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.cases.gas.checks import no_overlap
-from comparisons.cases.vibrated_disks import checks as soft_disks_checks
-from comparisons.cases.vibrated_disks import scenes as soft_disks
-from comparisons.cases.vibrated_disks import time_stepping
-from comparisons.harness.case import Case, Check, Figure, Measured, Results, Table, Tier, Variant, relative
+from comparisons.cases.gas.checks import hard, no_overlap
+from comparisons.cases.vibrated_disks import soft_disks
+from comparisons.harness.case import Case, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.metrics import statistics
+from comparisons.oracles import stepped_disks
 from comparisons.report import plots
 from gpudem.event_driven.problem import HardSphereProblem
 from gpudem.output.run import Run
-from gpudem.scene import (
-    Box,
-    Contact,
-    Domain,
-    Explicit,
-    Material,
-    Output,
-    Pair,
-    Plane,
-    Scene,
-    Time,
-    Vibration,
-)  # fmt: skip
+from gpudem.scene import Box, Contact, Domain, Explicit, Material, Output, Pair, Plane, Scene, Time, Vibration
 
 COUNT, RADIUS, WIDTH, FLOOR_SPEED, RESTITUTION, GRAVITY = 300, 0.02, 2.0, 0.149, 0.95, 1.0
 HEIGHT, KINETIC = 0.2882, 0.1168
@@ -122,10 +109,10 @@ def absolute(got: float, want: float) -> Measured:
     return Measured(abs(got - want), got, want)
 
 
-def power(results: Results, column: str) -> Measured:
-    """Mean power of the floor, or mean dissipation, by N m g U."""
+def power(results: Results, column: str) -> tuple[float, float]:
+    """Mean power of the floor, or mean dissipation, beside N m g U [W]."""
     rise, length = np.ptp(settled(results, column)), np.ptp(settled(results, "time"))
-    return relative(float(rise / length), COUNT * GRAVITY * FLOOR_SPEED)
+    return float(rise / length), COUNT * GRAVITY * FLOOR_SPEED
 
 
 def balance(results: Results) -> Measured:
@@ -155,7 +142,7 @@ def stepped(results: Results, tested: bool = True) -> dict[float, tuple[np.ndarr
         problems = [HardSphereProblem.from_scene(run.scene) for run in seeds(results)]
         found = {}
         for step in SIZES[results.tier][2]:
-            curves = [time_stepping.mean_heights(s, step, START, EVERY, tested) for s in problems]
+            curves = [stepped_disks.mean_heights(s, step, START, EVERY, tested) for s in problems]
             found[step] = curves[0][0], np.array([heights for _, heights in curves])
         return found
 
@@ -259,75 +246,65 @@ SOURCE_RULE = (
 )
 
 
-def hard_check(name: str, measure: Any, tolerance: float, against: str, **fields: Any) -> Check:
-    """A check of the event-driven engine, or of time stepping from its starts."""
-    fields = {"unit": "1", "mark": "P", "needs": (CODE,)} | fields
-    return Check(name=name, measure=measure, tolerance=tolerance, against=against, **fields)
-
-
 CASE = Case(
-    name="vibrated_box",
-    title="Hard disks over a vibrating floor",
-    purpose=(
-        "300 disks lose energy in every collision and gain it at a floor that vibrates fast with amplitude"
-        " zero: v' = (1 + e) U - e v. The event-driven engine advances from collision to collision, without"
-        " a step. Time stepping that reverses overlapping disks only where they approach tends to the same"
-        " height; the source's tends to another, a defect of its rule and not of time stepping: both are"
-        " shown. Soft disks by gpudem, with a floor that moves at U under each disk while it is in contact,"
-        " tend to the same state, to first order in the contact time."
-    ),
+    name="vibrated_box", title="Hard disks over a vibrating floor",
+    purpose="300 disks lose energy in every collision and gain it at a floor that vibrates fast with"
+    " amplitude zero: v' = (1 + e) U - e v. The event-driven engine advances from collision to collision,"
+    " without a step. Time stepping that reverses overlapping disks only where they approach tends to the"
+    " same height; the source's tends to another, a defect of its rule and not of time stepping: both are"
+    " shown. Soft disks by gpudem, with a floor that moves at U under each disk while it is in contact, tend"
+    " to the same state, to first order in the contact time.",
     source="Qiita article on fast simulation of rigid spheres (2019) and its program; Lubachevsky (1991).",
     variants=variants,
     checks=(
-        hard_check(
+        hard(
             "steady mean height, error",
             lambda results: absolute(float(settled(results, "centre_z").mean()), HEIGHT), 0.001,
-            "the source's program over 400 s (0.28829 m), a second one (0.28821 m)", unit="m",
-            reason="a mean over 600 s scatters by 0.0003 m",
-            catches="a wrong rule of floor or collision that keeps the balance of energy",
+            "the source's program over 400 s (0.28829 m), a second one (0.28821 m)",
+            "a mean over 600 s scatters by 0.0003 m",
+            "a wrong rule of floor or collision that keeps the balance of energy", unit="m", mark="P",
         ),
-        hard_check(
+        hard(
             "steady kinetic energy a disk, error",
             lambda results: absolute(float(settled(results, "kinetic_energy").mean()) / COUNT, KINETIC),
-            0.0008, "a second program (0.11682 J)", unit="J",
-            reason="a mean over 600 s scatters by 0.0002 J",
-            catches="a restitution off by 0.001; collisions missed near the floor",
+            0.0008, "a second program (0.11682 J)", "a mean over 600 s scatters by 0.0002 J",
+            "a restitution off by 0.001; collisions missed near the floor", unit="J", mark="P",
         ),
         *(
-            hard_check(
+            hard(
                 f"{name} / (N m g U), error", lambda results, column=column: power(results, column), 0.01,
-                "momentum balance: the floor carries the weight", mark="A",
-                reason="fluctuation of the center of mass over the run",
-                catches="work or dissipation that differs from what acts; an impact on the floor counted"
-                " twice",
+                "momentum balance: the floor carries the weight",
+                "fluctuation of the center of mass over the run",
+                "work or dissipation that differs from what acts; an impact on the floor counted twice",
             )
             for name, column in (("power of the floor", "work"), ("dissipation", "dissipated"))
         ),
-        hard_check(
-            "energy - work + dissipation, largest drift / work", balance, 1e-10, "conservation", mark="A",
-            reason="rounding", catches="any one collision or flight that loses energy without a record of it",
+        hard(
+            "energy - work + dissipation, largest drift / work", balance, 1e-10, "conservation", "rounding",
+            "any one collision or flight that loses energy without a record of it",
         ),
-        no_overlap("largest overlap at a collision / diameter"), *soft_disks_checks.CHECKS,
-        hard_check(
+        no_overlap("largest overlap at a collision / diameter"), *soft_disks.CHECKS,
+        hard(
             "time stepping at the smallest step: distance from the event-driven height / allowed", time_steps,
-            1.0, "time stepping", mark="X",
-            reason="half of Welch's 99 % confidence interval over the seeds, and 2 m/s times the step",
-            catches="an event-driven height that is off while its energy balance holds",
+            1.0, "time stepping",
+            "half of Welch's 99 % confidence interval over the seeds, and 2 m/s times the step",
+            "an event-driven height that is off while its energy balance holds", mark="X",
         ),
-        hard_check(
+        hard(
             "the source's rule at 0.01 s: distance from its program's height", source_rule, 0.005,
-            "the source's program: 0.205 m", unit="m", reason="its one seed scatters by 0.0045 m",
-            catches="a rule that is not the source's: pairs found once give 0.31 m, not separated 0.05 m",
+            "the source's program: 0.205 m", "its one seed scatters by 0.0045 m",
+            "a rule that is not the source's: pairs found once give 0.31 m, not separated 0.05 m",
+            unit="m", mark="P",
         ),
-        hard_check(
+        hard(
             "the source's rule at the smallest step: event-driven height less its own", source_limit, 0.12,
-            "the source's program: 0.099 m", unit="m", lo=0.08,
-            reason="scatter of its one seed, and steps other than ours",
-            catches="a difference that is due to the step and not to the rule: it would vanish",
+            "the source's program: 0.099 m", "scatter of its one seed, and steps other than ours",
+            "a difference that is due to the step and not to the rule: it would vanish",
+            unit="m", mark="P", lo=0.08,
         ),
     ),
     figures=(
-        *soft_disks_checks.FIGURES,
+        *soft_disks.FIGURES,
         Figure(
             "Mean height: event-driven and by time steps",
             "Left: means over the seeds, event-driven with their range. Right: time steps tend to the"
@@ -344,9 +321,8 @@ CASE = Case(
         ),
     ),
     tables=(
-        *soft_disks_checks.TABLES,
+        *soft_disks.TABLES,
         Table("Mean height by engine and step", SOURCE_RULE, _table, needs=(CODE,), recorded=True),
     ),
-    features=("vibrating floor", "gravity", "wall plane", "sphere-sphere"),
-    order=75,
+    features=("vibrating floor", "gravity", "wall plane", "sphere-sphere"), order=75,
 )  # fmt: skip
