@@ -23,11 +23,15 @@ from comparisons.harness.case import (
     relative,
 )
 from comparisons.harness.check_builders import (
+    Compared,
+    Found,
+    check,
     checks,
     observed_order,
     per_code,
     per_configuration,
     per_pair,
+    per_quantity,
     step_by_step,
     table,
 )
@@ -35,10 +39,10 @@ from comparisons.harness.configurations import Configuration, Configurations, pr
 from comparisons.harness.numbers import number
 
 __all__ = [
-    "LONG", "TIERS", "Case", "Check", "Configuration", "Configurations", "Figure", "Finding", "Measured",
-    "PerCode", "PerPair", "Results", "Rows", "Table", "Tier", "Unmeasured", "Variant", "checks",
-    "largest", "median", "number", "observed_order", "per_code", "per_configuration", "per_pair",
-    "precisions", "relative", "step_by_step", "table",
+    "LONG", "TIERS", "Case", "Check", "Compared", "Configuration", "Configurations", "Figure", "Finding",
+    "Found", "Measured", "PerCode", "PerPair", "Results", "Rows", "Table", "Tier", "Unmeasured", "Variant",
+    "check", "checks", "largest", "median", "number", "observed_order", "per_code", "per_configuration",
+    "per_pair", "per_quantity", "precisions", "relative", "step_by_step", "table",
 ]  # fmt: skip
 
 #: The tiers that take minutes and more.

@@ -201,3 +201,50 @@ def test_table_of_what_was_found(results):
         "LIGGGHTS: speed [m/s]",
     ]
     assert frame.to_numpy().tolist() == [["slow", 10.0, 6, 8], ["fast", 20.0, 12, 16]]
+
+
+def test_a_pair_counts_by_its_relative_error():
+    """A number held against the tolerance itself, instead of by what it should be."""
+    assert build.error((1.5, 1.0)) == relative(1.5, 1.0)
+    found = build.error({"near": (1.1, 1.0), "off": 0.7, "far": (4.0, 2.0)})
+    assert isinstance(found, Measured)
+    assert (found.value, found.measured, found.expected, found.note) == (1.0, 4.0, 2.0, "largest in far")
+
+
+def test_engines_and_what_is_read_beside():
+    """A check of an engine that is left out, or made twice; one that does not say which runs it reads."""
+    facts = {"tolerance": 1, "against": "", "reason": "", "catches": ""}
+    item = build.per_code(
+        "x", lambda results, code: len(code), also=("event_driven",), beside=("c",), **facts
+    )
+    names = {"x (gpudem)": ("gpudem", "c"), "x (event_driven)": ("event_driven", "c")}
+    assert {check.name: check.needs for check in checks(item, ("gpudem",))} == names
+    assert [c.name for c in checks(item, ("gpudem", "event_driven"))] == list(names)
+
+
+def test_one_check_for_each_quantity():
+    """A check of one quantity that reads another's, or keeps the reason of another."""
+
+    def observe(results: Results, code: str) -> dict[str, dict[str, build.Compared]]:
+        return {"spin [rad/s]": {"a": (1.5, 1.0)}, "speed [m/s]": {"a": (1.0, 1.0)}}
+
+    facts = {"tolerance": 1, "against": "", "reason": ""}
+    items = build.per_quantity(observe, {"speed [m/s]": "slow", "spin [rad/s]": "dizzy"}, "{} off", **facts)
+    made = [check for item in items for check in checks(item, ("gpudem",))]
+    assert [(c.name, c.catches) for c in made] == [
+        ("speed off (gpudem)", "slow"), ("spin off (gpudem)", "dizzy")
+    ]  # fmt: skip
+    assert [measured(c, Results("quick", {})).value for c in made] == [0.0, 0.5]
+
+
+def test_table_of_what_is_observed(results):
+    """A column under the name of another quantity; a pair turned round."""
+
+    def observe(results: Results, code: str) -> dict[str, dict[str, build.Compared]]:
+        return {"spin": {"a": (len(code), 1.0)}, "speed": {"a": Measured(0.0, 3.0, 4.0)}}
+
+    [row] = build.table("title", "caption", observe, rows="ball").make(results).to_dict("records")
+    assert row == {
+        "ball": "a", "closed form: spin": 1.0, "gpudem: spin": 6, "LIGGGHTS: spin": 8,
+        "closed form: speed": 4.0, "gpudem: speed": 3.0, "LIGGGHTS: speed": 3.0,
+    }  # fmt: skip

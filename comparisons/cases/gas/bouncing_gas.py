@@ -8,23 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.gas import scenes as gases
 from comparisons.cases.gas.checks import EARLY, HARD, collisions, conserved, early_checks, hard, no_overlap
-from comparisons.harness import check_builders as build
 from comparisons.harness import codes
-from comparisons.harness.case import (
-    TIERS,
-    Case,
-    Check,
-    Figure,
-    Measured,
-    PerCode,
-    PerPair,
-    Results,
-    Table,
-    Tier,
-    Variant,
-)
 from comparisons.metrics import engines
 from comparisons.oracles import column
 from comparisons.report import plots
@@ -41,7 +28,7 @@ SETTLED, EQUILIBRIUM = 1.0, "equilibrium"
 #: Seeds of the hard spheres, which cost little.
 HARD_SEEDS = 16
 #: Tier -> length of the run in equilibrium [s], seeds of all engines with loss and without, contact time [s].
-SIZES: dict[Tier, tuple[float, int, int, float]] = {
+SIZES: dict[kit.Tier, tuple[float, int, int, float]] = {
     "quick": (12.0, 3, 0, 2e-4), "standard": (40.0, 5, 4, 1e-4), "full": (200.0, 10, 10, 5e-5),
 }  # fmt: skip
 #: Quantity -> the most that softness changes it, relative, by omega t_c (see SOFT_REASON).
@@ -67,22 +54,22 @@ def scene(seed: int, restitution: float, contact_time: float, duration: float, *
     )  # fmt: skip
 
 
-def variants(tier: Tier) -> list[Variant]:
+def variants(tier: kit.Tier) -> list[kit.Variant]:
     long, lossy, elastic, t_c = SIZES[tier]
     early = scene(1, KINDS["lossy"], t_c, EARLY_TIME, trace_every=50 * (t_c / STEPS))
     rest = scene(1, 1.0, t_c, long, history_every=0.01, trace_every=max(0.02, long / 1000))
-    made = [Variant(EARLY, early), Variant(EQUILIBRIUM, rest, (HARD,))]
+    made = [kit.Variant(EARLY, early), kit.Variant(EQUILIBRIUM, rest, (HARD,))]
     for kind, count in (("lossy", lossy), ("elastic", elastic)):
         for s in range(1, HARD_SEEDS + 1 if count else 1):
             one = scene(s, KINDS[kind], t_c, DURATION, history_every=2e-3)
-            made.append(Variant(f"{kind}_{s}", one, codes.built_in() if s <= count else (HARD,)))
+            made.append(kit.Variant(f"{kind}_{s}", one, codes.built_in() if s <= count else (HARD,)))
     return made
 
 
 # -- equilibrium ---------------------------------------------------------------------------------------------
 
 
-def theory(results: Results) -> tuple[column.Column, np.ndarray]:
+def theory(results: kit.Results) -> tuple[column.Column, np.ndarray]:
     """(the column of the energy of the start, without that of the common motion along the floor; the velocity
     of that [m/s], which is constant).
     """
@@ -97,14 +84,14 @@ def theory(results: Results) -> tuple[column.Column, np.ndarray]:
     return results.once("column", compute)
 
 
-def settled(results: Results) -> tuple[np.ndarray, np.ndarray]:
+def settled(results: kit.Results) -> tuple[np.ndarray, np.ndarray]:
     """(heights above touching [m] (rows, n), velocities [m/s] (rows, n, 3)) in equilibrium."""
     trace = results[EQUILIBRIUM, HARD].trace
     late = trace["time"] > SETTLED
     return trace["position"][late, :, 2] - gases.RADIUS, trace["velocity"][late] - theory(results)[1]
 
 
-def means(results: Results) -> dict[str, tuple[float, float]]:
+def means(results: kit.Results) -> dict[str, tuple[float, float]]:
     """(observed, by theory) in equilibrium: T [m2/s2] from the kinetic energy; mean height above touching
     [m]; impacts on the floor per second, N g/sqrt(2 pi T) with T as observed.
     """
@@ -120,7 +107,7 @@ def means(results: Results) -> dict[str, tuple[float, float]]:
     }
 
 
-def barometric(results: Results) -> float:
+def barometric(results: kit.Results) -> float:
     """Sum of |share of the spheres - theory| over bins a diameter high."""
     found, edges = theory(results)[0], np.concatenate([np.arange(13) * DIAMETER, [np.inf]])
     share = np.histogram(settled(results)[0], np.concatenate([[-np.inf], edges[1:]]))[0]
@@ -129,7 +116,7 @@ def barometric(results: Results) -> float:
     return float(np.abs(share / share.sum() - law).sum())
 
 
-def isothermal(results: Results) -> dict[str, float]:
+def isothermal(results: kit.Results) -> dict[str, float]:
     """Deviation from the mean of <v^2>: of each axis, and of the lower and the upper half."""
     height, v = settled(results)
     low = height < np.median(height)
@@ -141,7 +128,7 @@ def isothermal(results: Results) -> dict[str, float]:
 # -- three engines -------------------------------------------------------------------------------------------
 
 
-def kinds(results: Results) -> list[str]:
+def kinds(results: kit.Results) -> list[str]:
     """Kinds of seeds that the tier has."""
     return [kind for kind in KINDS if f"{kind}_1" in results.labels()]
 
@@ -154,7 +141,7 @@ def quantities(run: Run) -> tuple[float, ...]:
     return tuple(float(x[len(total) // 2 :].mean() / total[0]) for x in (total, kinetic, height))
 
 
-def samples(results: Results, kind: str) -> dict[str, dict[str, np.ndarray]]:
+def samples(results: kit.Results, kind: str) -> dict[str, dict[str, np.ndarray]]:
     """Quantity -> engine -> (seeds,)."""
     found = {}
     for code in results.codes(f"{kind}_1"):
@@ -163,7 +150,7 @@ def samples(results: Results, kind: str) -> dict[str, dict[str, np.ndarray]]:
     return {name: {code: x[:, k] for code, x in found.items()} for k, name in enumerate(QUANTITIES)}
 
 
-def gaps(results: Results, kind: str, a: str, b: str) -> dict[str, Measured]:
+def gaps(results: kit.Results, kind: str, a: str, b: str) -> dict[str, kit.Measured]:
     """Quantity -> by how much two engines differ, by what is allowed."""
     omega = float(2 * collisions(results, "lossy_1")[-1] / COUNT / DURATION)
     soft = omega * SIZES[results.tier][3] if b == HARD else 0.0
@@ -180,16 +167,16 @@ SOFT_REASON = (
 )
 
 
-def engine_checks(a: str, b: str) -> tuple[Check, ...]:
+def engine_checks(a: str, b: str) -> tuple[kit.Check, ...]:
     """A code against hard spheres, or against another code, with loss and without."""
     hard = b == HARD
     return tuple(
-        build.check(
+        kit.check(
             f"{kind}: energy and height late in the run,"
             f" difference {'from hard spheres' if hard else 'of the soft codes'} / allowed ({a})",
             lambda results, kind=kind: gaps(results, kind, a, b), tolerance=1.0,
             against=codes.title(b), mark="X", needs=tuple(dict.fromkeys((a, b, HARD))),
-            tiers=TIERS if kind == "lossy" else ("standard", "full"),
+            tiers=kit.TIERS if kind == "lossy" else ("standard", "full"),
             reason=f"{engines.SIGMAS:g} standard errors over the seeds"
             + (f", and one way {SOFT_REASON}" if hard else "; same law, same softness"),
             catches="a restitution off by 0.01; collisions or impacts on the floor missed",
@@ -198,7 +185,7 @@ def engine_checks(a: str, b: str) -> tuple[Check, ...]:
     )  # fmt: skip
 
 
-def _equilibrium(results: Results) -> plots.Figure:
+def _equilibrium(results: kit.Results) -> plots.Figure:
     figure, axes = plots.figure()
     height, edges, found = settled(results)[0] / DIAMETER, np.linspace(0, 14, 57), theory(results)[0]
     share = np.histogram(height, edges)[0] / height.size / np.diff(edges)
@@ -211,7 +198,7 @@ def _equilibrium(results: Results) -> plots.Figure:
     return figure
 
 
-def _curves(results: Results) -> plots.Figure:
+def _curves(results: kit.Results) -> plots.Figure:
     rows = len(kinds(results))
     figure, axes = plots.figure(rows, 2, width=plots.WHOLE, height=3.0 * rows, squeeze=False)
     columns = (("centre_z", 1e3, "mean height [mm]"),
@@ -228,7 +215,7 @@ def _curves(results: Results) -> plots.Figure:
     return figure
 
 
-def _table(results: Results) -> list[dict[str, Any]]:
+def _table(results: kit.Results) -> kit.Rows:
     return [
         {"e [1]": KINDS[kind], "quantity / energy at the start": name, "code": plots.name(code),
          "seeds": len(values), "mean": float(values.mean()), "of a seed": float(values.std(ddof=1)),
@@ -240,7 +227,7 @@ def _table(results: Results) -> list[dict[str, Any]]:
 
 
 #: Of hard spheres in equilibrium: name, measure, tolerance, what it is held against, reason, what it detects.
-EQUILIBRIUM_CHECKS: tuple[tuple[str, Callable[[Results], build.Found], float, str, str, str], ...] = (
+EQUILIBRIUM_CHECKS: tuple[tuple[str, Callable[[kit.Results], kit.Found], float, str, str, str], ...] = (
     ("temperature from the energy of the start, relative error", lambda r: means(r)["temperature"], 0.01,
      "local equilibrium and layer at the floor",
      "no third virial coefficient at the floor (0.3 %), means over some thousand free falls (0.3 %)",
@@ -261,7 +248,7 @@ EQUILIBRIUM_CHECKS: tuple[tuple[str, Callable[[Results], build.Found], float, st
      "a floor or gravity that heats, a temperature that changes with height"),
 )  # fmt: skip
 
-CASE = Case(
+CASE = kit.Case(
     name="bouncing_gas", title="A gas bounces on a floor: three engines",
     purpose="Spheres fall on an elastic floor. Without loss they come to rest as a column of one"
     " temperature, whose height, profile and impacts on the floor follow from the energy of the start: a"
@@ -280,24 +267,24 @@ CASE = Case(
             "kinetic and potential energy, largest change (event-driven)",
             ("kinetic_energy", "potential_energy"), EQUILIBRIUM,
         ),
-        no_overlap(), PerCode(lambda code: engine_checks(code, HARD)), PerPair(engine_checks),
+        no_overlap(), kit.PerCode(lambda code: engine_checks(code, HARD)), kit.PerPair(engine_checks),
     ),
     figures=(
-        Figure(
+        kit.Figure(
             "The column in equilibrium",
             "Spheres by height. The lowest diameter holds more of them than in local equilibrium, for want of"
             " neighbors below; that layer is part of the theory too.",
             _equilibrium, needs=(HARD,),
         ),
-        Figure(
+        kit.Figure(
             "Three engines from the same starts",
             "Mean and range over the seeds: the lattice falls, bounces and sinks.",
             _curves, needs=(HARD,),
         ),
     ),
-    tables=(
-        Table("Three engines, late in the run", "Means over the second half of it.", _table, needs=(HARD,)),
-    ),
+    tables=(kit.Table(
+        "Three engines, late in the run", "Means over the second half of it.", _table, needs=(HARD,)
+    ),),
     features=("normal hooke", "damping", "gravity", "wall plane", "periodic sides", "sphere-sphere"),
     order=73,
 )  # fmt: skip

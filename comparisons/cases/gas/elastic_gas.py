@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.gas import scenes as gases
 from comparisons.cases.gas.checks import EARLY, HARD, early_checks, hard
-from comparisons.harness import check_builders as build
 from comparisons.harness import codes
-from comparisons.harness.case import Case, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.oracles import gas
 from comparisons.report import plots
 from gpudem.output.run import Run
@@ -53,32 +51,32 @@ def million() -> Scene:
     )
 
 
-def variants(tier: Tier) -> list[Variant]:
-    made = [Variant(EARLY, scene(343, 0.2, 2))]
+def variants(tier: kit.Tier) -> list[kit.Variant]:
+    made = [kit.Variant(EARLY, scene(343, 0.2, 2))]
     for phi in {"quick": (0.2,), "standard": (0.1, 0.3), "full": tuple(FRACTIONS)}[tier]:
         one = scene(COUNT[tier], phi, SETTLE + MEASURE[tier])
-        made.append(Variant(f"phi_{phi:g}", one, codes.built_in()))
+        made.append(kit.Variant(f"phi_{phi:g}", one, codes.built_in()))
     if tier == "full":  # the standard tier's case endurance has a finer gas, of 1e5 steps
         for precision in MILLION:
             options = {"gpudem": {"precision": precision}}
-            made.append(Variant(f"million_{precision}", million(), ("gpudem",), options))
+            made.append(kit.Variant(f"million_{precision}", million(), ("gpudem",), options))
     return made
 
 
-def million_drift(results: Results, precision: str) -> Measured:
+def million_drift(results: kit.Results, precision: str) -> kit.Measured:
     """Largest |kinetic energy/start - 1| where no spheres touch: there all energy is kinetic."""
     history = results[f"million_{precision}", "gpudem"].history
     apart = history["contacts"].to_numpy() == 0
     energy = history["kinetic_energy"].to_numpy()[apart]
     if min(len(energy), (~apart).sum()) < 200:
-        return Measured(float("nan"), note="too few rows with and without contacts")
+        return kit.Measured(float("nan"), note="too few rows with and without contacts")
     tenth = len(energy) // 10
     change = energy[-tenth:].mean() / energy[:tenth].mean() - 1
     note = f"{len(apart)} rows; the last tenth against the first: {change:.1e}"
-    return Measured(float(np.abs(energy / energy[0] - 1).max()), note=note)
+    return kit.Measured(float(np.abs(energy / energy[0] - 1).max()), note=note)
 
 
-def runs(results: Results, code: str) -> dict[float, Run]:
+def runs(results: kit.Results, code: str) -> dict[float, Run]:
     """Volume fraction -> run."""
     return {float(label[4:]): results[label, code] for label in results.labels(code, prefix="phi_")}
 
@@ -93,7 +91,7 @@ def equilibrium(run: Run, phi: float) -> tuple[float, float, float]:
     return density, t, gas.volume_share(d, density)
 
 
-def springs(results: Results, code: str, phi: float) -> tuple[np.ndarray, np.ndarray]:
+def springs(results: kit.Results, code: str, phi: float) -> tuple[np.ndarray, np.ndarray]:
     """(sum of r.F [J], elastic energy [J]) of all contacts at every row of the trace."""
     run = runs(results, code)[phi]
 
@@ -108,7 +106,7 @@ def springs(results: Results, code: str, phi: float) -> tuple[np.ndarray, np.nda
     return results.once(("springs", code, phi), compute)
 
 
-def observed(results: Results, code: str, phi: float) -> dict[str, tuple[float, float]]:
+def observed(results: kit.Results, code: str, phi: float) -> dict[str, tuple[float, float]]:
     """(observed, by theory): collisions of a sphere per second [1/s], p V/(N m T) [1].
 
     Soft spheres: 2 contacts/(N contact time) (Enskog), and 1 + mean of sum r.F/(3 N m T) (Carnahan and
@@ -130,7 +128,7 @@ def observed(results: Results, code: str, phi: float) -> dict[str, tuple[float, 
     }
 
 
-def energy(results: Results, code: str, phi: float) -> np.ndarray:
+def energy(results: kit.Results, code: str, phi: float) -> np.ndarray:
     """(kinetic + elastic energy) / that of the start - 1 in time."""
     total = 0.5 * gases.MASS * (runs(results, code)[phi].trace["velocity"] ** 2).sum(axis=(1, 2))
     if code != HARD:
@@ -138,13 +136,13 @@ def energy(results: Results, code: str, phi: float) -> np.ndarray:
     return total / total[0] - 1
 
 
-def drift(results: Results, code: str) -> dict[str, float]:
+def drift(results: kit.Results, code: str) -> dict[str, float]:
     """Largest |energy/start - 1| of each run."""
     return {f"phi = {p:g}": float(np.abs(energy(results, code, p)).max()) for p in runs(results, code)}
 
 
 #: Name, source, what it detects, tolerance by tier and its reason.
-QUANTITIES: tuple[tuple[str, str, str, dict[Tier, float], str], ...] = (
+QUANTITIES: tuple[tuple[str, str, str, dict[kit.Tier, float], str], ...] = (
     ("collision rate of a sphere", "Enskog theory", "pairs missed or found twice",
      {"quick": 0.10, "standard": 0.03, "full": 0.02},
      "three standard deviations of the mean over 3 to 5 contacts per contact time"),
@@ -155,7 +153,7 @@ QUANTITIES: tuple[tuple[str, str, str, dict[Tier, float], str], ...] = (
 )  # fmt: skip
 
 
-def _figure(results: Results) -> plots.Figure:
+def _figure(results: kit.Results) -> plots.Figure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
     grid = np.linspace(0.02, 0.35, 100)
     left.plot(grid, [gas.compressibility(p) for p in grid], "k", lw=0.9, label="Carnahan and Starling")
@@ -175,7 +173,7 @@ def _figure(results: Results) -> plots.Figure:
     return figure
 
 
-def _table(results: Results) -> list[dict[str, Any]]:
+def _table(results: kit.Results) -> kit.Rows:
     columns = ("collision rate [1/s]", "Enskog [1/s]", "Z [1]", "Carnahan-Starling [1]")
     return [
         {"phi [1]": phi, "code": plots.name(code)}
@@ -185,7 +183,7 @@ def _table(results: Results) -> list[dict[str, Any]]:
     ]
 
 
-CASE = Case(
+CASE = kit.Case(
     name="elastic_gas", title="Collision rate and pressure of an elastic gas",
     purpose="An elastic, frictionless gas in equilibrium has the collision rate of Enskog's theory and the"
     " pressure of Carnahan and Starling's equation, and keeps its energy. With a linear spring each contact"
@@ -198,18 +196,17 @@ CASE = Case(
     checks=(
         *early_checks(),
         *(
-            build.per_code(
-                f"{name}, relative error, {tier}",
+            kit.per_code(
+                f"{name}, relative error, {{tier}}",
                 lambda results, code, name=name: {
                     f"phi = {phi:g}": observed(results, code, phi)[name] for phi in runs(results, code)
                 },
-                also=(HARD,), tolerance=tolerance, tiers=(tier,), against=against, catches=catches,
+                also=(HARD,), tolerance=tolerance, against=against, catches=catches,
                 reason=f"{reason}; the equation itself is accurate to 0.3 %",
             )
-            for name, against, catches, tolerances, reason in QUANTITIES
-            for tier, tolerance in tolerances.items()
+            for name, against, catches, tolerance, reason in QUANTITIES
         ),
-        build.per_code(
+        kit.per_code(
             "energy, largest change over the run", drift, tolerance=1e-3, against="conservation",
             reason=f"{STEPS} steps per contact: the step in which a contact begins or ends errs either way,"
             " and the errors do not accumulate",
@@ -221,7 +218,7 @@ CASE = Case(
             "a collision rule that is elastic to first order only",
         ),
         *(
-            build.check(
+            kit.check(
                 f"energy, largest change over a million steps (gpudem {precision})",
                 lambda results, precision=precision: million_drift(results, precision),
                 tolerance=1e-4, against="conservation", tiers=("full",),
@@ -231,13 +228,15 @@ CASE = Case(
             for precision in MILLION
         ),
     ),
-    figures=(Figure(
+    figures=(kit.Figure(
         "Pressure, and energy in time",
         "Left: all engines on the equation of state. Right: the energy fluctuates by some 1e-4, the error"
         " of the steps in which contacts begin and end (full: gpudem, dotted: others); that of hard"
         " spheres (dashed) is constant to rounding.",
         _figure,
     ),),
-    tables=(Table("Collision rate and pressure", "Theory at the diameter of equal hard spheres.", _table),),
+    tables=(kit.Table(
+        "Collision rate and pressure", "Theory at the diameter of equal hard spheres.", _table
+    ),),
     features=("normal hooke", "periodic sides", "sphere-sphere", "mixed precision"), order=72,
 )  # fmt: skip

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.gas import scenes as gases
 from comparisons.cases.gas.checks import HARD, conserved, hard, no_overlap
-from comparisons.harness.case import Case, Figure, Measured, Results, Table, Tier, Variant, largest, relative
 from comparisons.oracles import gas
 from comparisons.report import plots
 from gpudem.scene import Contact, Domain, Explicit, Output, Pair, Scene, Time
 
 #: Area fractions of the disks and rho d^3 of the spheres by tier.
-FRACTIONS: dict[Tier, tuple[tuple[float, ...], tuple[float, ...]]] = {
+FRACTIONS: dict[kit.Tier, tuple[tuple[float, ...], tuple[float, ...]]] = {
     "quick": ((0.2, 0.4, 0.6), (0.2,)),
     "standard": ((0.1, 0.2, 0.3, 0.4, 0.5, 0.6), (0.2, 0.5, 0.9)),
     "full": ((0.1, 0.2, 0.3, 0.4, 0.5, 0.55, 0.6, 0.65), (0.1, 0.2, 0.3, 0.5, 0.7, 0.9)),
@@ -24,7 +24,7 @@ FRACTIONS: dict[Tier, tuple[tuple[float, ...], tuple[float, ...]]] = {
 #: Up to this rho d^3 ten virial coefficients give Z to 1e-4.
 VIRIAL_TO = 0.5
 #: Tier -> collisions before counting and counted, each per particle; particles of a side: disks, spheres.
-SIZES: dict[Tier, tuple[int, int, int, int]] = {
+SIZES: dict[kit.Tier, tuple[int, int, int, int]] = {
     "quick": (30, 400, 50, 12), "standard": (40, 700, 50, 16), "full": (100, 1500, 80, 20),
 }  # fmt: skip
 
@@ -72,7 +72,7 @@ def disks(side: int, eta: float, **sections: Any) -> Scene:
     )  # fmt: skip
 
 
-def scene(kind: Kind, value: float, tier: Tier) -> Scene:
+def scene(kind: Kind, value: float, tier: kit.Tier) -> Scene:
     settle, count, *sides = SIZES[tier]
     side = sides[kind.axes - 2]
     step = 1 / gas.rate_of_pressure(kind.theory(value), gases.DIAMETER, 1.0, kind.axes)
@@ -89,15 +89,15 @@ def scene(kind: Kind, value: float, tier: Tier) -> Scene:
     return gases.gas_box("equation_of_state", side**3, kind.fraction(value), 1, **sections)
 
 
-def variants(tier: Tier) -> list[Variant]:
+def variants(tier: kit.Tier) -> list[kit.Variant]:
     return [
-        Variant(f"{kind.name}_{value:g}", scene(kind, value, tier), (HARD,))
+        kit.Variant(f"{kind.name}_{value:g}", scene(kind, value, tier), (HARD,))
         for kind, values in zip(KINDS, FRACTIONS[tier], strict=True)
         for value in values
     ]
 
 
-def observed(results: Results, kind: Kind) -> dict[float, dict[str, tuple[float, float]]]:
+def observed(results: kit.Results, kind: Kind) -> dict[float, dict[str, tuple[float, float]]]:
     """What the label says (area fraction, rho d^3) -> (observed, by theory) of
     Z = 1 + sum of J d/(axes N m T t), of the collisions of one per second, and of the mean impulse.
     """
@@ -118,17 +118,17 @@ def observed(results: Results, kind: Kind) -> dict[float, dict[str, tuple[float,
     return found
 
 
-def against_theory(results: Results, quantity: str, *of: Kind) -> Measured:
+def against_theory(results: kit.Results, quantity: str, *of: Kind) -> kit.Measured:
     """Largest relative error over the densities of Z, the collision rate or the impulse."""
     found = {
-        f"{kind.name} {value:g}": relative(*row[quantity])
+        f"{kind.name} {value:g}": kit.relative(*row[quantity])
         for kind in of
         for value, row in observed(results, kind).items()
     }
-    return largest(found, ", ".join(f"{one.value:.2%}" for one in found.values()))
+    return kit.largest(found, ", ".join(f"{one.value:.2%}" for one in found.values()))
 
 
-def virial(results: Results) -> dict[str, tuple[float, float]]:
+def virial(results: kit.Results) -> dict[str, tuple[float, float]]:
     """Z of spheres up to VIRIAL_TO, and by the virial series."""
     return {
         f"{value:g}": (row["Z"][0], gas.virial_series(SPHERES.fraction(value)))
@@ -137,14 +137,14 @@ def virial(results: Results) -> dict[str, tuple[float, float]]:
     }
 
 
-def below_henderson(results: Results) -> Measured:
+def below_henderson(results: kit.Results) -> kit.Measured:
     """How far the Z of the densest disks is below Henderson's, relative."""
     eta, row = list(observed(results, DISKS).items())[-1]
     got, want = row["Z"][0], gas.disk_compressibility(eta, gas.henderson(eta))
-    return Measured(1 - got / want, got, want, f"eta = {eta:g}")
+    return kit.Measured(1 - got / want, got, want, f"eta = {eta:g}")
 
 
-def _figure(results: Results) -> plots.Figure:
+def _figure(results: kit.Results) -> plots.Figure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
     grid = np.linspace(0.02, 0.66, 200)
     corrected = np.array([DISKS.theory(e) for e in grid])
@@ -167,7 +167,7 @@ def _figure(results: Results) -> plots.Figure:
     return figure
 
 
-def _table(results: Results) -> list[dict[str, Any]]:
+def _table(results: kit.Results) -> kit.Rows:
     return [
         {"of": kind.name, "fraction [1]": kind.fraction(value), "Z [1]": row["Z"][0],
          "theory [1]": row["Z"][1],
@@ -179,7 +179,7 @@ def _table(results: Results) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-CASE = Case(
+CASE = kit.Case(
     name="equation_of_state", title="Pressure and collision rate of hard disks and spheres",
     purpose="The event-driven engine is a reference of the soft codes; here it is compared with what is"
     " known of hard disks and spheres. The momentum of the collisions gives the pressure, their number the"
@@ -222,11 +222,13 @@ CASE = Case(
         ),
         conserved("energy, largest change"), no_overlap("largest overlap at a collision / diameter"),
     ),
-    figures=(Figure(
+    figures=(kit.Figure(
         "Equation of state",
         "Right: divided by theory; grey: 0.5 %. Dense disks deviate from Henderson's equation.",
         _figure, needs=(HARD,),
     ),),
-    tables=(Table("Pressure and collision rate", "Fractions are of area or volume.", _table, needs=(HARD,)),),
+    tables=(kit.Table(
+        "Pressure and collision rate", "Fractions are of area or volume.", _table, needs=(HARD,)
+    ),),
     features=("periodic sides", "sphere-sphere"), order=74,
 )  # fmt: skip

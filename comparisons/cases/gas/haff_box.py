@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.gas import scenes as gases
 from comparisons.cases.gas.checks import EARLY, HARD, collisions, conserved, early_checks, hard, no_overlap
-from comparisons.harness import check_builders as build
 from comparisons.harness import codes
-from comparisons.harness.case import Case, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.metrics import engines
 from comparisons.report import plots
 from gpudem.scene import Box, Output, Scene, Time
@@ -23,14 +22,13 @@ MILD_DURATION, DURATION, EVERY, EARLY_TIME = 0.15, 0.03, 4e-4, 1.5e-3
 #: Two to three collisions of a sphere, in which the gas loses its lattice [s]; less a tie with a row.
 SETTLED = 2.8e-3 - 1e-9
 #: Tier -> hard spheres for Haff's law, spheres for all engines, seeds of all engines, contact time [s].
-SIZES: dict[Tier, tuple[int, int, int, float]] = {
+SIZES: dict[kit.Tier, tuple[int, int, int, float]] = {
     "quick": (2197, 512, 3, 4e-5), "standard": (4096, 512, 8, 4e-5), "full": (8000, 1000, 10, 2e-5),
 }  # fmt: skip
 #: Seeds of the hard spheres, which cost little.
 HARD_SEEDS = 16
 #: Contact times of ever softer spheres [s], gpudem only.
 SOFTER = (8e-5, 1.6e-4)
-LONG: tuple[Tier, ...] = ("standard", "full")
 #: How much slower soft spheres cool, relative, by omega t_c (see SOFT_REASON): at most, and as found.
 SOFTNESS, SOFTNESS_RANGE = 1.0, (0.3, 1.2)
 
@@ -46,22 +44,22 @@ def scene(
     )  # fmt: skip
 
 
-def variants(tier: Tier) -> list[Variant]:
+def variants(tier: kit.Tier) -> list[kit.Variant]:
     many, count, number, t_c = SIZES[tier]
-    made = [Variant(EARLY, scene(512, 1, LOSSY, t_c, EARLY_TIME, trace_every=20 * (t_c / STEPS)))]
+    made = [kit.Variant(EARLY, scene(512, 1, LOSSY, t_c, EARLY_TIME, trace_every=20 * (t_c / STEPS)))]
     for label, e in (("elastic", 1.0), ("mild", MILD)):
-        made.append(Variant(label, scene(many, 1, e, t_c, MILD_DURATION, history_every=EVERY), (HARD,)))
+        made.append(kit.Variant(label, scene(many, 1, e, t_c, MILD_DURATION, history_every=EVERY), (HARD,)))
     for s in range(1, HARD_SEEDS + 1):
         cooling = scene(count, s, LOSSY, t_c, DURATION, history_every=EVERY)
-        made.append(Variant(f"seed_{s}", cooling, codes.built_in() if s <= number else (HARD,)))
-    for t in SOFTER if tier in LONG else ():
+        made.append(kit.Variant(f"seed_{s}", cooling, codes.built_in() if s <= number else (HARD,)))
+    for t in SOFTER if tier in kit.LONG else ():
         for s in range(1, number + 1):
             cooling = scene(count, s, LOSSY, t, DURATION, history_every=EVERY)
-            made.append(Variant(f"soft_{t:g}_seed_{s}", cooling, ("gpudem",)))
+            made.append(kit.Variant(f"soft_{t:g}_seed_{s}", cooling, ("gpudem",)))
     return made
 
 
-def settled(results: Results, label: str) -> tuple[np.ndarray, np.ndarray, float]:
+def settled(results: kit.Results, label: str) -> tuple[np.ndarray, np.ndarray, float]:
     """Hard spheres from SETTLED on: (times [s], T [m2/s2], collisions with each other meanwhile)."""
     run = results[label, HARD]
     time = run.history["time"].to_numpy()
@@ -69,13 +67,13 @@ def settled(results: Results, label: str) -> tuple[np.ndarray, np.ndarray, float
     return time[late], gases.temperature(run)[late], float(np.ptp(collisions(results, label)[late]))
 
 
-def rate(results: Results) -> float:
+def rate(results: kit.Results) -> float:
     """Collisions of a sphere with spheres per second, by the rms velocity [1/m], of the elastic gas."""
     time, t, hits = settled(results, "elastic")
     return float(2 * hits / (SIZES[results.tier][0] * (time[-1] - time[0])) / math.sqrt(t[0]))
 
 
-def haff(results: Results) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def haff(results: kit.Results) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(time, T, T by Haff's law) of hard spheres from SETTLED on, rate from the elastic gas, nothing fitted.
 
     T = T1/(1 + (1 - e^2) omega1 (t - t1)/6)^2, omega1 = rate sqrt(T1)
@@ -85,25 +83,25 @@ def haff(results: Results) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return time, t, t[0] / (1 + (1 - MILD**2) * omega * (time - time[0]) / 6) ** 2
 
 
-def against_haff(results: Results) -> Measured:
+def against_haff(results: kit.Results) -> kit.Measured:
     """Largest |T/Haff - 1| over the run."""
     _, t, law = haff(results)
     note = f"T falls by {t[0] / t[-1]:.2f}, {int(collisions(results, 'mild')[-1])} collisions"
-    return Measured(float(np.abs(t / law - 1).max()), note=note)
+    return kit.Measured(float(np.abs(t / law - 1).max()), note=note)
 
 
-def decay(results: Results) -> tuple[float, float]:
+def decay(results: kit.Results) -> tuple[float, float]:
     """-d ln T per collision and sphere, and 2 (1 - e^2)/3."""
     _, t, hits = settled(results, "mild")
     return float(-np.log(t[-1] / t[0]) * SIZES[results.tier][0] / hits), 2 * (1 - MILD**2) / 3
 
 
-def samples(results: Results) -> dict[str, np.ndarray]:
+def samples(results: kit.Results) -> dict[str, np.ndarray]:
     """Engine -> (seeds,) of the slope of T^-1/2."""
     return {code: gases.cooling(results, code, SETTLED)[2] for code in results.codes("seed_1")}
 
 
-def softening(results: Results) -> np.ndarray:
+def softening(results: kit.Results) -> np.ndarray:
     """Rows by contact time: omega t_c, how much slower than hard spheres gpudem cools, standard error."""
     every, rows = samples(results), []
     exact = every[HARD]
@@ -115,16 +113,16 @@ def softening(results: Results) -> np.ndarray:
     return np.array(rows)
 
 
-def softness(results: Results) -> Measured:
+def softness(results: kit.Results) -> kit.Measured:
     """Relative lag of the slope by omega t_c: straight line through zero."""
     rows = softening(results)
     x, y, _ = rows.T
-    return Measured(
+    return kit.Measured(
         float(x @ y / (x @ x)), note=", ".join(f"{b:+.2%} +- {c:.2%} at {a:.3f}" for a, b, c in rows)
     )
 
 
-def against_hard(results: Results, code: str) -> Measured:
+def against_hard(results: kit.Results, code: str) -> kit.Measured:
     """Difference of the mean slopes of a code and of hard spheres, by what chance and softness allow."""
     allowed = -SOFTNESS * rate(results) * SIZES[results.tier][3]
     return engines.gap(samples(results), code, HARD, allowed)
@@ -138,7 +136,7 @@ SOFT_REASON = (
 )
 
 
-def _cooling(results: Results) -> plots.Figure:
+def _cooling(results: kit.Results) -> plots.Figure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
     time, t, law = haff(results)
     left.plot(time, t / law - 1, color=plots.color(HARD), lw=1.2, label=f"event-driven, e = {MILD:g}")
@@ -152,7 +150,7 @@ def _cooling(results: Results) -> plots.Figure:
     return figure
 
 
-def _softness(results: Results) -> plots.Figure:
+def _softness(results: kit.Results) -> plots.Figure:
     figure, axes = plots.figure()
     x, y, error = softening(results).T
     plots.points(axes, x, 100 * y, "gpudem", error=100 * error, linestyle="none", marker="o")
@@ -164,7 +162,7 @@ def _softness(results: Results) -> plots.Figure:
     return figure
 
 
-def _table(results: Results) -> list[dict[str, Any]]:
+def _table(results: kit.Results) -> kit.Rows:
     found = samples(results)
     return [
         {"code": plots.name(code), "d(T^-1/2)/dt [1/m]": float(t.mean()),
@@ -174,7 +172,7 @@ def _table(results: Results) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-CASE = Case(
+CASE = kit.Case(
     name="haff_box", title="A cooling gas between walls: three engines",
     purpose="Hard spheres are the limit of ever stiffer soft spheres. Between elastic walls, e = 0.98, they"
     " follow Haff's law with the collision rate of the same gas without loss: nothing is fitted. From the"
@@ -198,40 +196,40 @@ CASE = Case(
         ),
         conserved("energy of the elastic gas, largest change (event-driven)", prefix="elastic"),
         no_overlap(),
-        build.per_code(
+        kit.per_code(
             "slope of T^-1/2, difference from hard spheres / allowed", against_hard, beside=(HARD,),
             tolerance=1.0, against="event-driven hard spheres", mark="X",
             reason=f"{engines.SIGMAS:g} standard errors over the seeds, and towards slower cooling"
             f" {SOFT_REASON}",
             catches="a restitution off by 0.01, which is 10 % of the loss",
         ),
-        build.per_pair(
+        kit.per_pair(
             "slope of T^-1/2, difference of the soft codes / allowed",
             lambda results, code, other: engines.gap(samples(results), code, other), tolerance=1.0,
             reason=f"{engines.SIGMAS:g} standard errors over the seeds; same law, same softness",
             catches="collisions lost by one code after the first milliseconds; side walls that absorb 2 %",
         ),
-        build.check(
+        kit.check(
             "softness: relative lag of the slope / omega t_c, line through zero (gpudem)", softness,
-            tolerance=SOFTNESS_RANGE[1], lo=SOFTNESS_RANGE[0], needs=("gpudem", HARD), tiers=LONG,
+            tolerance=SOFTNESS_RANGE[1], lo=SOFTNESS_RANGE[0], needs=("gpudem", HARD), tiers=kit.LONG,
             against="derivation from the mean contact", reason=SOFT_REASON,
             catches="soft spheres that do not tend to hard ones, or whose contact takes another time",
         ),
     ),
     figures=(
-        Figure(
+        kit.Figure(
             "Haff's law, and three engines on one gas",
             "Left: hard spheres, e = 0.98, against Haff's law without a fit; grey: 1 %. Right: e = 0.9, mean"
             " and range over the seeds.",
             _cooling, needs=(HARD,),
         ),
-        Figure(
+        kit.Figure(
             "Soft spheres tend to hard ones",
             "How much slower soft spheres cool, with standard errors, against the fraction of time in"
             " contact: an error of first order in the contact time.",
-            _softness, tiers=LONG, needs=("gpudem", HARD),
+            _softness, tiers=kit.LONG, needs=("gpudem", HARD),
         ),
     ),
-    tables=(Table("Cooling rate", "Line through T^-1/2, mean over the seeds.", _table, needs=(HARD,)),),
+    tables=(kit.Table("Cooling rate", "Line through T^-1/2, mean over the seeds.", _table, needs=(HARD,)),),
     features=("normal hooke", "damping", "wall plane", "sphere-sphere"), order=71,
 )  # fmt: skip

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.harness.case import Results
+from comparisons import kit
 from comparisons.oracles import linear
 from gpudem.output.run import Run
 from gpudem.scene import Contact, Domain, Lattice, Material, Pair, Scene
@@ -82,7 +82,7 @@ def temperature(run: Run) -> np.ndarray:
 
 
 def cooling(
-    results: Results, code: str, since: float, prefix: str = "seed_"
+    results: kit.Results, code: str, since: float, prefix: str = "seed_"
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of the runs of a prefix: times [s], T^-1/2 [s/m] (seeds, times), and the slope [1/m] (seeds,) of the
     straight line through T^-1/2 after a time [s]; by Haff's law it does not depend on T(0).

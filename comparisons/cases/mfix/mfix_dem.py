@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.mfix import scenes as mfix
 from comparisons.cases.single_contact.meetings import errors, exact
-from comparisons.harness import check_builders as build
-from comparisons.harness.case import TIERS, Case, Figure, Measured, Results, Tier, Variant
 from comparisons.metrics.trace import slip_end
 from comparisons.oracles import closed_forms
 from comparisons.oracles.linear import Bouncer, hard_sphere_top, squeezed_column
@@ -19,19 +18,18 @@ from gpudem.output.run import Run
 
 #: (stiffness [N/m], restitution) of each sphere.
 Rows = tuple[tuple[float, float], ...]
-LONG: tuple[Tier, ...] = ("standard", "full")
 #: DEM02: (duration, time step) [s]; errors of first order add up from bounce to bounce.
 BOUNCING = {"standard": (2.0, 2e-6), "full": (10.0, 1e-6)}
 
 
-def variants(tier: Tier) -> list[Variant]:
+def variants(tier: kit.Tier) -> list[kit.Variant]:
     scenes = [
         mfix.falls("dem01", mfix.FALLS, 2e-5, 0.5, 1e-3), mfix.column(), mfix.throws(), mfix.pellets()
     ]  # fmt: skip
-    if tier in LONG:
+    if tier in kit.LONG:
         duration, step = BOUNCING[tier]
         scenes.append(mfix.falls("dem02", mfix.BOUNCES, step, duration, 2e-3))
-    return [Variant(s.name, s) for s in scenes]
+    return [kit.Variant(s.name, s) for s in scenes]
 
 
 # -- measures: {what is compared: error, with the value of the code and the value expected} -----------------
@@ -46,7 +44,7 @@ def title(stiffness: float, restitution: float) -> str:
     return f"k = {stiffness:g} N/m, e = {restitution:g}"
 
 
-def heights(results: Results, code: str, name: str, rows: Rows) -> dict[str, float]:
+def heights(results: kit.Results, code: str, name: str, rows: Rows) -> dict[str, float]:
     """Largest difference of the height from the exact one over the trace, by the drop."""
     trace, found = results[name, code].trace, {}
     for k, row in enumerate(rows):
@@ -56,7 +54,7 @@ def heights(results: Results, code: str, name: str, rows: Rows) -> dict[str, flo
     return found
 
 
-def speed_after(results: Results, code: str) -> dict[str, tuple[float, float]]:
+def speed_after(results: kit.Results, code: str) -> dict[str, tuple[float, float]]:
     """DEM01: velocity of the rebound, relative error; from the first row after it."""
     trace, found = results["dem01", code].trace, {}
     for k, row in enumerate(mfix.FALLS):
@@ -75,17 +73,17 @@ def first_top(run: Run, row: int) -> float:
     return float(z[turn] + v[turn] ** 2 / (2 * mfix.GRAVITY))
 
 
-def hard_limit(results: Results, code: str) -> Measured:
+def hard_limit(results: kit.Results, code: str) -> kit.Measured:
     """Slope of log(distance from the hard sphere) in log(k) for e < 1: -1/2, as contact time ~ k^-1/2."""
     run, slopes = results["dem02", code], []
     for e in mfix.RESTITUTIONS[1:]:
         tops = [first_top(run, mfix.BOUNCES.index((k, e))) for k in mfix.STIFFNESSES]
         off = np.abs(np.array(tops) / hard_sphere_top(mfix.DROP, e, 1) - 1)
         slopes.append(float(np.polyfit(np.log(mfix.STIFFNESSES), np.log(off), 1)[0]))
-    return Measured(max(slopes, key=lambda s: abs(s + 0.5)), note=f"{len(slopes)} restitutions; farthest")
+    return kit.Measured(max(slopes, key=lambda s: abs(s + 0.5)), note=f"{len(slopes)} restitutions; farthest")
 
 
-def column(results: Results, time: np.ndarray, restitution: float) -> np.ndarray:
+def column(results: kit.Results, time: np.ndarray, restitution: float) -> np.ndarray:
     """DEM03: exact heights of both spheres."""
     masses = [mfix.sphere_mass(mfix.GRAIN, d) for d in mfix.DENSITIES]
     return results.once(
@@ -96,7 +94,7 @@ def column(results: Results, time: np.ndarray, restitution: float) -> np.ndarray
     )
 
 
-def squeezed(results: Results, code: str) -> dict[str, float]:
+def squeezed(results: kit.Results, code: str) -> dict[str, float]:
     """DEM03: largest difference of a height from the exact one, by the first overlap with the floor."""
     trace, found = results["dem03", code].trace, {}
     for k, e in enumerate(mfix.RESTITUTIONS):
@@ -105,7 +103,7 @@ def squeezed(results: Results, code: str) -> dict[str, float]:
     return found
 
 
-def slipping(results: Results, code: str) -> dict[str, tuple[float, float]]:
+def slipping(results: kit.Results, code: str) -> dict[str, tuple[float, float]]:
     """DEM04: end of slip, and speed and R x spin, means over the rolling."""
     trace, found, final = results["dem04", code].trace, {}, 5 / 7 * mfix.THROW
     time = trace["time"]
@@ -119,7 +117,7 @@ def slipping(results: Results, code: str) -> dict[str, tuple[float, float]]:
     return found
 
 
-def pellet_errors(results: Results, code: str) -> dict[str, float]:
+def pellet_errors(results: kit.Results, code: str) -> dict[str, float]:
     """DEM05: largest velocity or spin error against the ODE, by the impact speed."""
     found = {m.label: errors(results, results["dem05", code], m) for m in mfix.MEETINGS}
     return {label: max(e["velocity"], e["angular_velocity"]) for label, e in found.items()}
@@ -133,7 +131,7 @@ def pellet(run: Run, row: int) -> dict[str, float]:
     return dict(zip(("rebound angle [deg]", "restitution [1]", "spin [rad/s]"), values, strict=True))
 
 
-def published(results: Results, code: str) -> dict[str, dict[str, build.Compared]]:
+def published(results: kit.Results, code: str) -> dict[str, dict[str, kit.Compared]]:
     """DEM05: how each sphere rebounds, beside what MFIX-DEM prints."""
     found = {}
     for angle, printed in mfix.PUBLISHED.items():
@@ -143,7 +141,7 @@ def published(results: Results, code: str) -> dict[str, dict[str, build.Compared
     return found
 
 
-def all_published(results: Results, code: str) -> dict[str, build.Compared]:
+def all_published(results: kit.Results, code: str) -> dict[str, kit.Compared]:
     """DEM05: all quantities of all spheres."""
     columns = published(results, code)
     return {f"{name} at {angle}": m for name, found in columns.items() for angle, m in found.items()}
@@ -153,24 +151,25 @@ def all_published(results: Results, code: str) -> dict[str, build.Compared]:
 
 FIRST_ORDER = "the dashpot sees half-step velocities: first order, and below this at the step used"
 #: (name, measure, reason, what it would catch, tiers); tolerance 1e-3.
-ANALYTICAL: tuple[tuple[str, Any, str, str, tuple[Tier, ...]], ...] = (
+ANALYTICAL: tuple[tuple[str, Any, str, str, tuple[kit.Tier, ...]], ...] = (
     ("DEM01: height, largest error over the fall, contact and rebound / drop",
      lambda r, c: heights(r, c, "dem01", mfix.FALLS), FIRST_ORDER,
-     "a stiffness of hooke that is not k; a damping that does not give e; no gravity during contact", TIERS),
+     "a stiffness of hooke that is not k; a damping that does not give e; no gravity during contact",
+     kit.TIERS),
     ("DEM01: velocity of the rebound, relative error", speed_after, FIRST_ORDER,
-     "a contact that ends early or late, 1 % of damping", TIERS),
+     "a contact that ends early or late, 1 % of damping", kit.TIERS),
     ("DEM02: height, largest error over all bounces / drop",
      lambda r, c: heights(r, c, "dem02", mfix.BOUNCES),
      FIRST_ORDER + "; errors of the bounces add up, by e = 0.9 over three of them",
-     "energy gained or lost in a contact, which grows from bounce to bounce", LONG),
+     "energy gained or lost in a contact, which grows from bounce to bounce", kit.LONG),
     ("DEM03: heights, largest error over time / first overlap", squeezed, FIRST_ORDER,
-     "an effective mass of pair or wall; a contact force that is not opposite", TIERS),
+     "an effective mass of pair or wall; a contact force that is not opposite", kit.TIERS),
     ("DEM04: end of slip, final speed and R x spin, relative error", slipping,
      "0.1 % is required; MFIX reaches 0.57 % and 0.04 %",
-     "friction other than mu N; a moment of inertia other than 2/5 m R^2", TIERS),
+     "friction other than mu N; a moment of inertia other than 2/5 m R^2", kit.TIERS),
     ("DEM05: velocity and R x spin, largest error / impact speed", pellet_errors,
      "1300 steps a contact; without damping the error is of second order except where slip begins",
-     "a tangential stiffness other than 8 G* sqrt(R* d): the angles below 25 degrees stick", TIERS),
+     "a tangential stiffness other than 8 G* sqrt(R* d): the angles below 25 degrees stick", kit.TIERS),
 )  # fmt: skip
 
 
@@ -180,7 +179,7 @@ def _top_speed(run: Run) -> float:
 
 CHECKS = (
     *(
-        build.step_by_step(
+        kit.step_by_step(
             f"{name}, largest difference over all traces", column, scale,
             tolerance=1e-9, reason="same law, same scheme: rounding, over up to a million steps",
             catches="hooke with other constants, a bounce that starts a step late",
@@ -193,19 +192,19 @@ CHECKS = (
         )
     ),
     *(
-        build.per_code(
+        kit.per_code(
             name, measure, tolerance=1e-3, reason=reason, catches=catches, tiers=tiers,
             against="ODE (DOP853, rtol 1e-13)" if "DEM05" in name else "closed form",
         )
         for name, measure, reason, catches, tiers in ANALYTICAL
     ),
-    build.per_code(
+    kit.per_code(
         "DEM02: power of k with which bounce 1 tends to the hard sphere's e^2 h", hard_limit,
-        lo=-0.53, tolerance=-0.47, against="closed form", tiers=LONG,
+        lo=-0.53, tolerance=-0.47, against="closed form", tiers=kit.LONG,
         reason="-1/2 to leading order; the next term, 1/k, is a few per cent of it at k = 5e4 N/m",
         catches="a loss that does not vanish in the hard limit",
     ),
-    build.per_code(
+    kit.per_code(
         "DEM05: rebound angle, restitution and spin, relative difference", all_published,
         tolerance=0.01, against="MFIX-DEM, AUTOTEST of DEM05", mark="P",
         reason="MFIX takes the arm R, LIGGGHTS' law R - overlap/2 (0.2 % of the spin), and its own step",
@@ -217,7 +216,7 @@ CHECKS = (
 # -- figure ------------------------------------------------------------------------------------------------
 
 
-def _drop_axes(axes: plots.Axes, results: Results, name: str, rows: Rows, only: float) -> None:
+def _drop_axes(axes: plots.Axes, results: kit.Results, name: str, rows: Rows, only: float) -> None:
     """Height in time of the spheres of one stiffness: exact, and the codes' marks."""
     time = results[name, results.codes(name)[0]].trace["time"]
     for k, (stiffness, e) in enumerate(rows):
@@ -230,7 +229,7 @@ def _drop_axes(axes: plots.Axes, results: Results, name: str, rows: Rows, only: 
     axes.set_title(f"{name.upper()}, k = {only:g} N/m")
 
 
-def _column_axes(axes: plots.Axes, results: Results) -> None:
+def _column_axes(axes: plots.Axes, results: kit.Results) -> None:
     """DEM03: height of the upper sphere."""
     ran = results.codes("dem03")
     time = results["dem03", ran[0]].trace["time"]
@@ -245,7 +244,7 @@ def _column_axes(axes: plots.Axes, results: Results) -> None:
     plots.legend(axes, loc="lower right", ncols=3)
 
 
-def _pellet_axes(axes: plots.Axes, results: Results) -> None:
+def _pellet_axes(axes: plots.Axes, results: kit.Results) -> None:
     """DEM05: rebound angle."""
     ran = results.codes("dem05")
     solved = [exact(results, results["dem05", ran[0]].scene, m) for m in mfix.MEETINGS]
@@ -262,7 +261,7 @@ def _pellet_axes(axes: plots.Axes, results: Results) -> None:
     plots.legend(axes)
 
 
-def _figure(results: Results) -> plots.Figure:
+def _figure(results: kit.Results) -> plots.Figure:
     figure, axes = plots.figure(2, 2, width=plots.WHOLE, height=6.6)
     _drop_axes(axes[0, 0], results, "dem01", mfix.FALLS, 1e4)
     plots.legend(axes[0, 0], points=results.codes(), loc="lower left")
@@ -274,7 +273,7 @@ def _figure(results: Results) -> plots.Figure:
     return figure
 
 
-CASE = Case(
+CASE = kit.Case(
     name="mfix_dem", title="MFIX-DEM's verification cases DEM01 to DEM05",
     purpose="The verification cases of another public code, with its numbers, over ranges of parameters: a"
     " sphere dropped on a floor (19 pairs of stiffness and restitution), its repeated bounces (18, against"
@@ -286,13 +285,13 @@ CASE = Case(
     " Gorham and Salman, Powder Technol. 120 (2001) 281.",
     variants=variants,
     checks=CHECKS,
-    figures=(Figure(
+    figures=(kit.Figure(
         "DEM01, DEM02, DEM03 and DEM05",
         "Lines: exact; plus signs: MFIX-DEM's own results. With soft springs the overlap reaches a tenth"
         " of a meter, and the rebound is lower than that of a hard sphere.",
         _figure,
     ),),
-    tables=(build.table(
+    tables=(kit.table(
         "DEM05 beside MFIX-DEM's printed results", "Hertz law, sphere on wall.", published,
         reference="MFIX-DEM",
     ),),

@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.rolling.scenes import GRAVITY, arm, on_plane, rate, step_by_step
-from comparisons.harness import check_builders as build
-from comparisons.harness.case import Case, Figure, Measured, Results, Variant
 from comparisons.oracles.rolling import down_slope, sticking_limit
 from comparisons.report import plots
 from gpudem.output.run import Run
@@ -52,7 +51,7 @@ def exact(run: Run, slope: float, friction: float) -> tuple[float, float]:
     return down_slope(arm(run.scene, slope), math.radians(slope), friction, GRAVITY)
 
 
-def accelerations(results: Results, code: str) -> dict[str, dict[str, build.Compared]]:
+def accelerations(results: kit.Results, code: str) -> dict[str, dict[str, kit.Compared]]:
     """Both accelerations of each sphere; error by the rolling acceleration."""
     found = {"acceleration [m/s2]": {}, "a x angular acceleration [m/s2]": {}}
     for slope in SLOPES:
@@ -61,11 +60,11 @@ def accelerations(results: Results, code: str) -> dict[str, dict[str, build.Comp
         for share, mu, both in zip(SHARES, frictions(slope), rates(run, slope), strict=True):
             where = f"{slope:g} deg, mu = {share:g} x limit"
             for one, got, want in zip(found.values(), both, exact(run, slope, mu), strict=True):
-                one[where] = Measured(abs(got - want) / rolling, got, want)
+                one[where] = kit.Measured(abs(got - want) / rolling, got, want)
     return found
 
 
-def transition(results: Results, code: str) -> dict[str, tuple[float, float]]:
+def transition(results: kit.Results, code: str) -> dict[str, tuple[float, float]]:
     """Friction at which slip ends, beside the limit: the line through the last two slips."""
     found = {}
     for slope in SLOPES:
@@ -76,7 +75,7 @@ def transition(results: Results, code: str) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _figure(results: Results) -> plots.Figure:
+def _figure(results: kit.Results) -> plots.Figure:
     figure, axes = plots.figure(1, len(SLOPES), width=plots.WHOLE, height=3.8, sharey=True)
     grid = np.linspace(0.0, 2.6, 400)
     for ax, slope in zip(axes, SLOPES, strict=True):
@@ -93,21 +92,21 @@ def _figure(results: Results) -> plots.Figure:
     return figure
 
 
-CASE = Case(
+CASE = kit.Case(
     name="incline", title="Sphere on an incline: rolling or sliding",
     purpose="A sphere released on an incline rolls if tan(slope) is at most 7/2 mu; beyond, it slides and"
     " spins up. Nine frictions on each of two slopes, two of them 2 % below and above the limit, show both"
     " accelerations in both regimes, and the limit itself: the balance of friction, torque and moment of"
     " inertia under a steady load, which a short impact does not show.",
     source="Rigid-body mechanics: 5/7 g sin(slope); g (sin - mu cos) and 5/2 mu g cos/R.",
-    variants=lambda tier: [Variant(label(slope), scene(slope)) for slope in SLOPES],
+    variants=lambda tier: [kit.Variant(label(slope), scene(slope)) for slope in SLOPES],
     checks=(
         *step_by_step(
             "final speed", lambda run: 5 / 7 * run.scene.gravity[0] * DURATION,
             reason="same law, same scheme: rounding, over 25 000 steps in contact",
             catches="a spring forgotten or shortened otherwise in a lasting contact",
         ),
-        *build.per_quantity(
+        *kit.per_quantity(
             accelerations,
             {"acceleration [m/s2]": "friction other than mu N, a moment of inertia other than 2/5 m R^2",
              "a x angular acceleration [m/s2]": "a torque that does not belong to the friction, a wrong arm"},
@@ -115,20 +114,20 @@ CASE = Case(
             reason="the closed form has the arm R - overlap/2 of the law, and the dashpot has ended the"
             " oscillation of the spring: rounding is left; the arm R would give 6e-5",
         ),
-        build.per_code(
+        kit.per_code(
             "friction at which slip ends / (2/7 tan(slope)), less 1", transition,
             tolerance=1e-6, against="closed form",
             reason="slip is exactly linear in mu; from the slips at 0.9 and 0.98 of the limit",
             catches="a spring that creeps below the limit of friction",
         ),
     ),
-    figures=(Figure(
+    figures=(kit.Figure(
         "Acceleration on both sides of the limit",
         "Lines: closed form. Left of 1 the sphere slides, and its surface is slower than its center;"
         " right of 1 both accelerations are 5/7 of g sin(slope).",
         _figure,
     ),),
-    tables=(build.table(
+    tables=(kit.table(
         "Accelerations", "By straight lines through the second half of the run.", accelerations,
         rows="sphere",
     ),),

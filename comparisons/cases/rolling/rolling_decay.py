@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.rolling.scenes import GRAVITY, arm, on_plane, rate, step_by_step
-from comparisons.harness import check_builders as build
-from comparisons.harness.case import Case, Figure, Measured, Results, Variant
 from comparisons.oracles.rolling import resisted
 from comparisons.report import plots
 from gpudem.output.run import Run
@@ -48,7 +47,7 @@ def speed(run: Run, k: int) -> np.ndarray:
     return run.trace["velocity"][:, k, 0]
 
 
-def flat(results: Results, code: str, law: str) -> dict[str, dict[str, build.Compared]]:
+def flat(results: kit.Results, code: str, law: str) -> dict[str, dict[str, kit.Compared]]:
     """Deceleration from 90 to 10 % of the speed, beside 5/7 mu_r g; distance rolled, beside u0^2/(2 a)."""
     run, found = results[label(law, 0), code], {"deceleration [m/s2]": {}, "stopping distance [m]": {}}
     for k, (u0, mu) in enumerate(ROLLS):
@@ -61,18 +60,18 @@ def flat(results: Results, code: str, law: str) -> dict[str, dict[str, build.Com
     return found
 
 
-def sloping(results: Results, code: str, law: str) -> dict[str, Measured]:
+def sloping(results: kit.Results, code: str, law: str) -> dict[str, kit.Measured]:
     """Error of the acceleration of those that roll, by 5/7 g sin(slope)."""
     run, angle, found = results[label(law, SLOPE), code], math.radians(SLOPE), {}
     for k, share in enumerate(share for share in SHARES if share < 1):
         got = rate(run, speed(run, k), SLOPE_TIME / 2)
         want = resisted(arm(run.scene, SLOPE), angle, share * math.tan(angle), GRAVITY)
         off = abs(got - want) / (5 / 7 * GRAVITY * math.sin(angle))
-        found[f"mu_r = {share:g} tan(slope)"] = Measured(off, got, want)
+        found[f"mu_r = {share:g} tan(slope)"] = kit.Measured(off, got, want)
     return found
 
 
-def creep(results: Results, law: str, code: str) -> float:
+def creep(results: kit.Results, law: str, code: str) -> float:
     """Distance in the second half of the run of the fastest sphere that should be held, by that of one that
     rolls freely.
     """
@@ -81,11 +80,11 @@ def creep(results: Results, law: str, code: str) -> float:
     return float(np.abs(x[-1] - x[len(x) // 2]).max()) / free
 
 
-def held(results: Results, code: str) -> Measured:
-    return Measured(creep(results, "epsd2", code), note=f"cdt: {creep(results, 'cdt', code):.2g}")
+def held(results: kit.Results, code: str) -> kit.Measured:
+    return kit.Measured(creep(results, "epsd2", code), note=f"cdt: {creep(results, 'cdt', code):.2g}")
 
 
-def _figure(results: Results) -> plots.Figure:
+def _figure(results: kit.Results) -> plots.Figure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
     for law, slope in VARIANTS:
         for code in results.codes(label(law, slope)):
@@ -106,7 +105,7 @@ def _figure(results: Results) -> plots.Figure:
     return figure
 
 
-CASE = Case(
+CASE = kit.Case(
     name="rolling_decay", title="Rolling friction: roll-out and slope",
     purpose="Rolling friction decelerates a sphere on a floor at 5/7 mu_r g and stops it after 7 u0^2/(10"
     " mu_r g) under both laws: the torque of constant size `cdt` and the elastic-plastic spring `epsd2`. On"
@@ -114,7 +113,7 @@ CASE = Case(
     " its torque has a history; `cdt` has no torque at rest and holds it only by a torque whose sign"
     " alternates every few steps.",
     source="Rigid-body mechanics; laws: Ai, Chen, Rotter and Ooi, Powder Technol. 206 (2011) 269, A and C.",
-    variants=lambda tier: [Variant(label(law, slope), scene(law, slope)) for law, slope in VARIANTS],
+    variants=lambda tier: [kit.Variant(label(law, slope), scene(law, slope)) for law, slope in VARIANTS],
     checks=(
         *step_by_step(
             "largest starting speed", lambda run: ROLLS[2][0],
@@ -124,7 +123,7 @@ CASE = Case(
         *(
             check
             for law in LAWS
-            for check in build.per_quantity(
+            for check in kit.per_quantity(
                 lambda results, code, law=law: flat(results, code, law),
                 {"deceleration [m/s2]":
                      "a torque other than mu_r N R*, of the wrong sign, or with its part along the normal",
@@ -135,7 +134,7 @@ CASE = Case(
             )
         ),
         *(
-            build.per_code(
+            kit.per_code(
                 f"{law}, down the slope: acceleration, largest error / (5/7 g sin(slope))",
                 lambda results, code, law=law: sloping(results, code, law),
                 tolerance=1e-6, against="closed form",
@@ -144,21 +143,21 @@ CASE = Case(
             )
             for law in LAWS
         ),
-        build.per_code(
+        kit.per_code(
             "epsd2, held by the slope: way in the second half / way of a free sphere", held,
             tolerance=1e-6, against="closed form",
             reason="at rest but for the oscillation of the two springs, which epsd2 does not damp",
             catches="a rolling torque that is forgotten from step to step",
         ),
     ),
-    figures=(Figure(
+    figures=(kit.Figure(
         "Velocity on the flat and from rest on a slope",
         "Full lines and large marks: cdt; dashed lines and small marks: epsd2. Left: straight lines to"
         " rest at the rate 5/7 mu_r g (black: closed form). Right: spheres with mu_r above the slope's"
         " tangent stay at rest, the others accelerate at 5/7 g (sin - mu_r cos).",
         _figure,
     ),),
-    tables=(build.table(
+    tables=(kit.table(
         "Deceleration and stopping distance", "On the flat, under cdt.",
         lambda results, code: flat(results, code, "cdt"), rows="sphere",
     ),),

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.side_by_side import every_pair, floor
-from comparisons.harness import check_builders as build
-from comparisons.harness.case import PerPair
 from comparisons.oracles.bodies import bodies
 from comparisons.oracles.rolling import Arm
 from gpudem.output.run import Run
@@ -65,13 +64,13 @@ def arm(stated: Scene, slope: float) -> Arm:
 
 def step_by_step(
     unit: str, speed: Callable[[Run], np.ndarray | float], **fields: Any
-) -> tuple[PerPair, PerPair]:
+) -> tuple[kit.PerPair, kit.PerPair]:
     """Two codes over all traces: velocity by speed(run) [m/s], called `unit`, angular velocity by it / R."""
     fields = {"tolerance": 1e-9} | fields
     end = f"largest difference over the trace / {unit}"
     return (
-        build.step_by_step(f"velocity, {end}", "velocity", speed, **fields),
-        build.step_by_step(
+        kit.step_by_step(f"velocity, {end}", "velocity", speed, **fields),
+        kit.step_by_step(
             f"R x angular velocity, {end}", "angular_velocity", lambda run: speed(run) / RADIUS, **fields
         ),
     )

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.rolling.scenes import GRAVITY, RADIUS, on_plane, step_by_step
-from comparisons.harness import check_builders as build
-from comparisons.harness.case import Case, Figure, Results, Variant
 from comparisons.metrics.trace import slip_end
 from comparisons.oracles import closed_forms
 from comparisons.report import plots
@@ -44,7 +43,7 @@ def motion(run: Run, k: int) -> tuple[np.ndarray, np.ndarray]:
     return velocity @ np.array((x, y, 0.0)), RADIUS * (spin @ np.array((-y, x, 0.0)))
 
 
-def final(results: Results, code: str) -> dict[str, dict[str, build.Compared]]:
+def final(results: kit.Results, code: str) -> dict[str, dict[str, kit.Compared]]:
     """Slip time, final speed and final surface speed of each throw."""
     run, found = results[EXACT, code], {}
     for k, (u, _, mu) in enumerate(THROWS):
@@ -66,7 +65,7 @@ def not_rolling(run: Run) -> str:
     return next((f"{name}: does not roll at the end" for name in slow), "")
 
 
-def _figure(results: Results) -> plots.Figure:
+def _figure(results: kit.Results) -> plots.Figure:
     ran, curves = results.codes(EXACT), {}
     time = results[EXACT, ran[0]].trace["time"]
     for k, (u, _, mu) in enumerate(THROWS):
@@ -84,21 +83,21 @@ def _figure(results: Results) -> plots.Figure:
     return figure
 
 
-CASE = Case(
+CASE = kit.Case(
     name="slide_to_roll", title="From sliding to rolling",
     purpose="A sphere thrown along a floor slides; friction slows it and spins it up until its surface no"
     " longer slips; then it must roll without loss. The two numbers 2 u0/(7 mu g) and 5/7 u0 contain"
     " friction, torque and moment of inertia; the change from slip to stick, under the weight, must not"
     " change the speed. The codes must agree to rounding over 8000 steps in contact.",
     source="Rigid-body mechanics; MFIX-DEM verification case 04.",
-    variants=lambda tier: [Variant(EXACT, scene(False)), Variant(DEFAULT, scene(True))],
+    variants=lambda tier: [kit.Variant(EXACT, scene(False)), kit.Variant(DEFAULT, scene(True))],
     checks=(
         *step_by_step(
             "u0", lambda run: np.array([u for u, _, _ in THROWS]), defect=not_rolling,
             reason="same law, same scheme: rounding, over 8000 steps in contact",
             catches="a spring that is stretched, cut or forgotten otherwise in a lasting contact",
         ),
-        *build.per_quantity(
+        *kit.per_quantity(
             final,
             {"slip time [s]": "friction other than mu N; a moment of inertia other than 2/5 m R^2",
              "final speed [m/s]":
@@ -108,7 +107,7 @@ CASE = Case(
             reason="0.1 % is required; an overlap of 0.15 % of R takes half of it, through the lever arm",
         ),
     ),
-    figures=(Figure(
+    figures=(kit.Figure(
         "From sliding to rolling",
         "Velocity decreases and surface speed increases until both are 5/7 u0. Bottom: the codes differ"
         " by rounding; from the closed form, for a rigid sphere, they differ by the stretch of the"
@@ -116,7 +115,7 @@ CASE = Case(
         _figure,
     ),),
     tables=(
-        build.table("Slip time and final speed", "Without the tangential dashpot.", final, rows="sphere"),
+        kit.table("Slip time and final speed", "Without the tangential dashpot.", final, rows="sphere"),
     ),
     features=("normal hertz", "damping", "tangential history", "rotation", "gravity", "wall plane"), order=40,
 )  # fmt: skip

@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.harness import check_builders as build
-from comparisons.harness.case import Check, Figure, Measured, Results, Table, Tier, largest, relative
+from comparisons import kit
 from comparisons.metrics.limit import Approach, block_mean
 from comparisons.report import plots
 from gpudem.output.run import Run
@@ -95,14 +94,14 @@ def label(contact_time: float) -> str:
     return f"soft_{contact_time:g}"
 
 
-def steady(results: Results) -> tuple[Steady, list[Steady]]:
+def steady(results: kit.Results) -> tuple[Steady, list[Steady]]:
     """(hard, soft from the hardest on)."""
     hard = Steady.of(results[STEADY, CODE], HARD_SETTLED)
     soft = [Steady.of(run, SETTLED, float(name.removeprefix("soft_"))) for name, run in results.of("gpudem")]
     return hard, sorted(soft, key=lambda s: s.contact_time)
 
 
-def approach(results: Results, name: str) -> Approach:
+def approach(results: kit.Results, name: str) -> Approach:
     """How `kinetic` or `height` of the soft runs differs from that of hard disks.
 
     A soft mean has the standard error of the long run, scaled by the length.
@@ -124,57 +123,58 @@ NEEDS = (CODE, "gpudem")
 SHORT = 1e-2
 #: Length of run that costs are stated for [s].
 LENGTH = 200.0
-LONG: tuple[Tier, ...] = ("standard", "full")
 QUANTITIES = {"kinetic": "kinetic energy", "height": "mean height"}
 
 
-def floor_power(results: Results) -> float:
+def floor_power(results: kit.Results) -> float:
     """N m g U [W] of the scene."""
     scene = results[label(1e-2), "gpudem"].scene
     return float(scene.masses.sum()) * -scene.gravity[2] * max(plane.speed for plane in scene.planes)
 
 
-def powers(results: Results, dissipated: bool) -> Measured:
+def powers(results: kit.Results, dissipated: bool) -> kit.Measured:
     """Largest error of the floor's mean power, or of its part that is dissipated, over the soft runs."""
     runs, want = steady(results)[1], floor_power(results)
     got = {f"{s.contact_time:g} s": s.power - (s.growth if dissipated else 0.0) for s in runs}
     note = ", ".join(f"{time}: {power:.3f} W" for time, power in got.items())
-    return largest({time: relative(power, want) for time, power in got.items()}, note)
+    return kit.largest({time: kit.relative(power, want) for time, power in got.items()}, note)
 
 
-def excess(results: Results) -> Measured:
+def excess(results: kit.Results) -> kit.Measured:
     """By how much the kinetic energy exceeds that of hard disks, at a contact time of 0.01 s."""
     found = approach(results, "kinetic")
     k = int(np.argmin(abs(found.parameters - 1e-2)))
-    return Measured(float(found.excess[k]), note=f"standard error {found.errors[k]:.2g}")
+    return kit.Measured(float(found.excess[k]), note=f"standard error {found.errors[k]:.2g}")
 
 
-def slope_error(results: Results, name: str, longest: float) -> Measured:
+def slope_error(results: kit.Results, name: str, longest: float) -> kit.Measured:
     """Exponent of the error over contact time, up to one."""
     got, error = approach(results, name).up_to(longest).slope()
-    return Measured(abs(got - 1), got, 1.0, f"standard error {error:.2g}")
+    return kit.Measured(abs(got - 1), got, 1.0, f"standard error {error:.2g}")
 
 
-def limit_error(results: Results, name: str, scaled: bool) -> Measured:
+def limit_error(results: kit.Results, name: str, scaled: bool) -> kit.Measured:
     """Distance of the Richardson value from that of hard disks, relative or in standard errors."""
     got, error = approach(results, name).limit()
-    return Measured(abs(got) / error if scaled else abs(got), note=f"{got:+.5f}, standard error {error:.2g}")
+    return kit.Measured(
+        abs(got) / error if scaled else abs(got), note=f"{got:+.5f}, standard error {error:.2g}"
+    )
 
 
-def collisions(results: Results) -> float:
+def collisions(results: kit.Results) -> float:
     """Collisions of hard disks per disk and second, with disks and floor, each counted once."""
     run = results[STEADY, CODE]
     rows = late(run, 0.0)
     return float(rows["collisions"][-1] / rows["time"][-1]) / run.timing.particles
 
 
-def contacts(results: Results) -> tuple[float, float]:
+def contacts(results: kit.Results) -> tuple[float, float]:
     """Contacts per disk of the hardest soft run, and collisions of hard disks in a contact time."""
     hardest = steady(results)[1][0]
     return hardest.contacts, collisions(results) * hardest.contact_time
 
 
-def _approach(results: Results) -> plots.Figure:
+def _approach(results: kit.Results) -> plots.Figure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
     hard, soft = steady(results)
     times, cost = np.array([s.contact_time for s in soft]), LENGTH * np.array([s.seconds for s in soft])
@@ -197,7 +197,7 @@ def _approach(results: Results) -> plots.Figure:
     return figure
 
 
-def _table(results: Results) -> list[dict[str, Any]]:
+def _table(results: kit.Results) -> kit.Rows:
     hard, soft = steady(results)
     found = [approach(results, name) for name in QUANTITIES]
     rate, want, rows = collisions(results), floor_power(results), []
@@ -219,10 +219,10 @@ def _table(results: Results) -> list[dict[str, Any]]:
     return rows
 
 
-def check(name: str, measure: Callable[..., build.Found], *arguments: Any, **fields: Any) -> Check:
+def check(name: str, measure: Callable[..., kit.Found], *arguments: Any, **fields: Any) -> kit.Check:
     """One check of measure(results, *arguments), against the event-driven engine by default."""
     fields = {"against": "event-driven", "mark": "X", "needs": NEEDS} | fields
-    return build.check(f"soft disks{name}", lambda results: measure(results, *arguments), **fields)
+    return kit.check(f"soft disks{name}", lambda results: measure(results, *arguments), **fields)
 
 
 POWER = {
@@ -250,14 +250,14 @@ CHECKS = (
     ),
     check(
         ": contacts a disk / (collisions of hard disks x contact time), error", contacts, tolerance=0.1,
-        tiers=LONG,
+        tiers=kit.LONG,
         reason="contacts last as speed^(-1/5), 2^(2/5) longer on the floor; a disk in contact has fewer"
         " others",
         catches="contacts counted twice; a stiffness other than stated",
     ),
     check(
         ": kinetic energy, |slope of the error over contact time - 1|", slope_error, "kinetic", 1.0,
-        tiers=LONG, reason="next order: 0.1 at a contact time of 0.03 s", **SLOPE,
+        tiers=kit.LONG, reason="next order: 0.1 at a contact time of 0.03 s", **SLOPE,
     ),
     *(
         check(
@@ -274,7 +274,7 @@ CHECKS = (
     *(
         check(
             f": {text} at contact time 0 from event-driven, in standard errors", limit_error, name, True,
-            tolerance=3.0, tiers=LONG, reason="significance: 1 in 370",
+            tolerance=3.0, tiers=kit.LONG, reason="significance: 1 in 370",
             catches="soft and hard disks that do not state the same scene",
         )
         for name, text in QUANTITIES.items()
@@ -289,7 +289,7 @@ CHECKS = (
     ),
 )  # fmt: skip
 FIGURES = (
-    Figure(
+    kit.Figure(
         "Soft disks tend to hard ones",
         "Left: the error of soft disks over their contact time, with standard errors, and lines of slope 1."
         " Right: the same error over the run time of 200 s of the scene; squares: event-driven, whose only"
@@ -298,7 +298,7 @@ FIGURES = (
     ),
 )  # fmt: skip
 TABLES = (
-    Table(
+    kit.Table(
         "Soft and hard disks in the steady state",
         "Contact time 0: event-driven. The number of contacts scatters least: it shows how far from hard a"
         " run is. The height, whose error is seven times smaller than that of the energy, shows it last.",

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.gas.checks import hard, no_overlap
 from comparisons.cases.vibrated_disks import soft_disks
-from comparisons.harness.case import Case, Figure, Measured, Results, Table, Tier, Variant
 from comparisons.metrics import statistics
 from comparisons.oracles import stepped_disks
 from comparisons.report import plots
@@ -27,14 +26,14 @@ SOURCE_STEP = 1e-2
 SOURCE_HEIGHTS = {1e-2: 0.205, 1e-3: 0.2026, 1e-4: 0.2018}
 STEADY, CODE = soft_disks.STEADY, soft_disks.CODE
 #: Tier -> length of the steady run [s], seeds of the start, time steps [s].
-SIZES: dict[Tier, tuple[float, int, tuple[float, ...]]] = {
+SIZES: dict[kit.Tier, tuple[float, int, tuple[float, ...]]] = {
     "quick": (640.0, 4, (1e-2, 2e-3)),
     "standard": (1040.0, 10, (1e-2, 2e-3, 1e-3)),
     "full": (4040.0, 20, (1e-2, 2e-3, 1e-3, 5e-4)),
 }
 
 #: Tier -> contact time of soft disks [s]: length of their run [s].
-SOFT: dict[Tier, dict[float, float]] = {
+SOFT: dict[kit.Tier, dict[float, float]] = {
     "quick": {3e-2: 55.0, 1e-2: 55.0},
     "standard": {3e-2: 165.0, 1e-2: 115.0, 5e-3: 75.0, 2e-3: 45.0},
     "full": {3e-2: 2000.0, 1e-2: 2000.0, 5e-3: 1500.0, 2e-3: 900.0, 1e-3: 100.0},
@@ -85,43 +84,43 @@ def soft_scene(contact_time: float, duration: float) -> Scene:
     return soft_disks.soften(hard, contact_time, duration, mass=1.0)
 
 
-def variants(tier: Tier) -> list[Variant]:
+def variants(tier: kit.Tier) -> list[kit.Variant]:
     duration, seeds, _ = SIZES[tier]
     soft = [
-        Variant(soft_disks.label(t), soft_scene(t, length), ("gpudem",), timed=True)
+        kit.Variant(soft_disks.label(t), soft_scene(t, length), ("gpudem",), timed=True)
         for t, length in SOFT[tier].items()
     ]
-    starts = [Variant(f"seed_{s}", scene(s, START), (CODE,)) for s in range(1, seeds + 1)]
-    return [Variant(STEADY, scene(1, duration), (CODE,), timed=True), *starts, *soft]
+    starts = [kit.Variant(f"seed_{s}", scene(s, START), (CODE,)) for s in range(1, seeds + 1)]
+    return [kit.Variant(STEADY, scene(1, duration), (CODE,), timed=True), *starts, *soft]
 
 
-def seeds(results: Results) -> list[Run]:
+def seeds(results: kit.Results) -> list[Run]:
     """Event-driven runs from the random starts."""
     return [run for name, run in results.of(CODE) if name != STEADY]
 
 
-def settled(results: Results, column: str) -> np.ndarray:
+def settled(results: kit.Results, column: str) -> np.ndarray:
     """A column of the long run in the steady state."""
     return soft_disks.late(results[STEADY, CODE], SETTLED)[column]
 
 
-def absolute(got: float, want: float) -> Measured:
-    return Measured(abs(got - want), got, want)
+def absolute(got: float, want: float) -> kit.Measured:
+    return kit.Measured(abs(got - want), got, want)
 
 
-def power(results: Results, column: str) -> tuple[float, float]:
+def power(results: kit.Results, column: str) -> tuple[float, float]:
     """Mean power of the floor, or mean dissipation, beside N m g U [W]."""
     rise, length = np.ptp(settled(results, column)), np.ptp(settled(results, "time"))
     return float(rise / length), COUNT * GRAVITY * FLOOR_SPEED
 
 
-def balance(results: Results) -> Measured:
+def balance(results: kit.Results) -> kit.Measured:
     """Largest error of E(t) - E(0) = work - dissipation, by the work of the whole run."""
     table = results[STEADY, CODE].history
     energy = (table["kinetic_energy"] + table["potential_energy"]).to_numpy()
     expected = (table["work"] - table["dissipated"]).to_numpy()
     error = np.abs(energy - energy[0] - expected).max() / table["work"].to_numpy()[-1]
-    return Measured(float(error), note=f"{int(table['collisions'].to_numpy()[-1])} collisions")
+    return kit.Measured(float(error), note=f"{int(table['collisions'].to_numpy()[-1])} collisions")
 
 
 def window(times: np.ndarray, heights: np.ndarray) -> float:
@@ -129,13 +128,13 @@ def window(times: np.ndarray, heights: np.ndarray) -> float:
     return float(heights[times > START / 2 + 1e-9].mean())
 
 
-def event_driven(results: Results) -> np.ndarray:
+def event_driven(results: kit.Results) -> np.ndarray:
     """(seeds,) mean heights of the event-driven runs over the window."""
     tables = [run.history for run in seeds(results)]
     return np.array([window(t["time"].to_numpy(), t["centre_z"].to_numpy()) for t in tables])
 
 
-def stepped(results: Results, tested: bool = True) -> dict[float, tuple[np.ndarray, np.ndarray]]:
+def stepped(results: kit.Results, tested: bool = True) -> dict[float, tuple[np.ndarray, np.ndarray]]:
     """Step [s] -> (times, mean heights (seeds, times)) by time steps; `tested`: not the source's rule."""
 
     def compute() -> dict[float, tuple[np.ndarray, np.ndarray]]:
@@ -149,39 +148,39 @@ def stepped(results: Results, tested: bool = True) -> dict[float, tuple[np.ndarr
     return results.once(("time stepping", tested), compute)
 
 
-def windows(results: Results, tested: bool = True) -> dict[float, np.ndarray]:
+def windows(results: kit.Results, tested: bool = True) -> dict[float, np.ndarray]:
     """Step [s] -> (seeds,) mean heights over the window by time steps."""
     curves = stepped(results, tested).items()
     return {step: np.array([window(times, one) for one in heights]) for step, (times, heights) in curves}
 
 
-def time_steps(results: Results) -> Measured:
+def time_steps(results: kit.Results) -> kit.Measured:
     """Distance from the event-driven height at the smallest step, by what seeds and step allow."""
     found, hard = windows(results), event_driven(results)
     step = min(found)
     welch = statistics.welch(found[step], hard, level=0.99)
     allowed = welch.half_width + STEP_ERROR * step
     note = f"step {step:g} s: {welch.difference:+.4f} m, allowed {allowed:.4f} m; {len(hard)} seeds each"
-    return Measured(abs(welch.difference) / allowed, *welch.mean, note)
+    return kit.Measured(abs(welch.difference) / allowed, *welch.mean, note)
 
 
-def source_rule(results: Results) -> Measured:
+def source_rule(results: kit.Results) -> kit.Measured:
     """The source's rule at the source's step: distance from the result of its program."""
     return absolute(float(windows(results, tested=False)[SOURCE_STEP].mean()), SOURCE_HEIGHTS[SOURCE_STEP])
 
 
-def source_limit(results: Results) -> Measured:
+def source_limit(results: kit.Results) -> kit.Measured:
     """The source's rule at the smallest step: how far below the event-driven height."""
     found, want = windows(results, tested=False), float(event_driven(results).mean())
     got = float(found[min(found)].mean())
-    return Measured(want - got, got, want, f"step {min(found):g} s")
+    return kit.Measured(want - got, got, want, f"step {min(found):g} s")
 
 
 #: Rules of time stepping: tested, name, color.
 RULES = ((True, "time steps", "#0072b2"), (False, "time steps, the source's rule", "#d55e00"))
 
 
-def _heights(results: Results) -> plots.Figure:
+def _heights(results: kit.Results) -> plots.Figure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=4.0)
     tables, green = [run.history for run in seeds(results)], plots.color(CODE)
     plots.band(left, tables[0]["time"].to_numpy(), np.array([t["centre_z"].to_numpy() for t in tables]), CODE)
@@ -205,7 +204,7 @@ def _heights(results: Results) -> plots.Figure:
     return figure
 
 
-def _energies(results: Results) -> plots.Figure:
+def _energies(results: kit.Results) -> plots.Figure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.4)
     table, (green, blue, red) = results[STEADY, CODE].history, ("#009e73", "#0072b2", "#d55e00")
     time = table["time"].to_numpy()
@@ -224,7 +223,7 @@ def _energies(results: Results) -> plots.Figure:
     return figure
 
 
-def _table(results: Results) -> list[dict[str, Any]]:
+def _table(results: kit.Results) -> kit.Rows:
     rows = [("event-driven", math.nan, event_driven(results), math.nan)]
     for tested, name, _ in RULES:
         for step, got in windows(results, tested).items():
@@ -246,7 +245,7 @@ SOURCE_RULE = (
 )
 
 
-CASE = Case(
+CASE = kit.Case(
     name="vibrated_box", title="Hard disks over a vibrating floor",
     purpose="300 disks lose energy in every collision and gain it at a floor that vibrates fast with"
     " amplitude zero: v' = (1 + e) U - e v. The event-driven engine advances from collision to collision,"
@@ -305,7 +304,7 @@ CASE = Case(
     ),
     figures=(
         *soft_disks.FIGURES,
-        Figure(
+        kit.Figure(
             "Mean height: event-driven and by time steps",
             "Left: means over the seeds, event-driven with their range. Right: time steps tend to the"
             " event-driven height; the source's rule stays below it at every step, as its program does:"
@@ -313,7 +312,7 @@ CASE = Case(
             " diameter.",
             _heights, needs=(CODE,), recorded=True,
         ),
-        Figure(
+        kit.Figure(
             "Steady state and balance of power",
             "Left: the run reaches the known values. Right: work of the floor and dissipation, each divided"
             " by the time, tend to N m g U; the dissipation starts higher by the energy of the start.",
@@ -322,7 +321,7 @@ CASE = Case(
     ),
     tables=(
         *soft_disks.TABLES,
-        Table("Mean height by engine and step", SOURCE_RULE, _table, needs=(CODE,), recorded=True),
+        kit.Table("Mean height by engine and step", SOURCE_RULE, _table, needs=(CODE,), recorded=True),
     ),
     features=("vibrating floor", "gravity", "wall plane", "sphere-sphere"), order=75,
 )  # fmt: skip
