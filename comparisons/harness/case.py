@@ -317,7 +317,7 @@ def _made(
 
 def _expand(item: Item | PerCode[Item] | PerPair[Item], selected: tuple[str, ...]) -> Iterator[Item]:
     if isinstance(item, PerCode):
-        for code in dict.fromkeys((*registry.stepped(selected), *item.also)):
+        for code in (*registry.stepped(selected), *item.also):
             yield from _several(item.make(code))
     elif isinstance(item, PerPair):
         for code, other in registry.pairs(selected):

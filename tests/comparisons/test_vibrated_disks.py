@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from comparisons.cases.vibrated_disks import soft_disks, vibrated_box
-from comparisons.metrics.limit import Approach
+from comparisons.metrics.limit import Approach, block_mean
 from comparisons.oracles import stepped_disks
 from gpudem.driver import simulate as run
 from gpudem.event_driven.problem import HardSphereProblem
@@ -38,6 +38,11 @@ def test_fits():
     for found in ([a.limit() for a in drawn], [a.slope() for a in drawn]):
         values, stated = np.array(found).T
         assert np.std(values) == pytest.approx(stated.mean(), rel=0.15)
+
+
+def test_mean_of_blocks():
+    """Values as if each were independent; a last block that is shorter."""
+    assert block_mean(np.array([0.0, 2.0, 4.0, 6.0, 80.0]), 2) == pytest.approx((3.0, 2.0))
 
 
 @pytest.mark.parametrize(("tested", "low", "high"), [(True, 0.31, 0.335), (False, 0.198, 0.212)])
