@@ -20,18 +20,6 @@ def largest_difference(a: np.ndarray, b: np.ndarray, scale: np.ndarray | float =
     return float((np.linalg.norm(a - b, axis=-1) / scale).max())
 
 
-def overlap_with_sphere(position: np.ndarray, i: int, j: int, radius: np.ndarray) -> np.ndarray:
-    """Overlap R_i + R_j - |x_i - x_j| [m] of rows i and j at every step, negative apart; position (t, n,
-    3).
-    """
-    return radius[i] + radius[j] - np.linalg.norm(position[:, i] - position[:, j], axis=-1)
-
-
-def overlap_with_plane(position: np.ndarray, i: int, point, normal, radius: np.ndarray) -> np.ndarray:
-    """Overlap R_i - (x_i - point).normal [m] of row i with a plane at every step; `normal` of length one."""
-    return radius[i] - (position[:, i] - np.asarray(point)) @ np.asarray(normal)
-
-
 def peak(time: np.ndarray, value: np.ndarray) -> tuple[float, float]:
     """(time, value) of the maximum: vertex of the parabola through the largest sample and its neighbours.
 

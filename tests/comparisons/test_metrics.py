@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from comparisons.cases.single_contact import head_on, wall_restitution
+from comparisons.cases.single_contact.meetings import overlap
 from comparisons.metrics import pile, statistics, trace
+from gpudem.output.run import Run, Timing
 
 R = 0.01
 
@@ -48,12 +53,23 @@ def test_contact_interval_between_samples():
         trace.contact_interval(t[:70], overlap[:70])
 
 
-def test_overlaps_and_rebound():
-    # the sign of a wall's normal; speed in place of its normal part
-    x = np.array([[[0.0, 0, 0.009], [0.015, 0, 0.009]]])
-    radius = np.array([R, R])
-    assert trace.overlap_with_sphere(x, 0, 1, radius)[0] == pytest.approx(0.005)
-    assert trace.overlap_with_plane(x, 0, (0, 0, 0), (0, 0, 1), radius)[0] == pytest.approx(0.001)
+@pytest.mark.parametrize(
+    ("scene", "meeting", "gap"),
+    [
+        (head_on.scene(1e-6), head_on.MEETINGS[1], 0.8 * head_on.FLIGHT),
+        (wall_restitution.scene(False, 1e-6), wall_restitution.MEETINGS[1], 1.3 * wall_restitution.FLIGHT),
+    ],
+    ids=["sphere", "wall"],
+)
+def test_overlap_at_the_start(scene, meeting, gap):
+    """Detects the sign of a wall's normal, a radius left out: the flight to the touch is known."""
+    timing, start = Timing(8, 1, 1.0), {"position": scene.state.position[None]}
+    run = Run("gpudem", "", scene, Path(), timing, trace=start)
+    assert overlap(run, meeting)[0] == pytest.approx(-gap)
+
+
+def test_rebound():
+    # speed in place of its normal part
     velocity = np.array([[3.0, 0, -2.0], [1.0, 0, 1.5]])
     assert trace.rebound(velocity, np.array([0, 0, 1.0])) == pytest.approx(0.75)
 

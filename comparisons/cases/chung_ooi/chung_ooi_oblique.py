@@ -2,48 +2,19 @@
 
 from __future__ import annotations
 
+from comparisons import kit
 from comparisons.cases.chung_ooi import figures
-from comparisons.cases.chung_ooi.checks import against_ode, against_published, coulomb
+from comparisons.cases.chung_ooi.checks import FIRST_ORDER, against_ode, against_published, coulomb
 from comparisons.cases.chung_ooi.scenes import T4, T5
 from comparisons.cases.single_contact.checks import step_by_step
-from comparisons.harness.case import Case, Tier, Variant
 
 #: Steps of the flight, and a half: a tenth of the shortest contact.
-RUNGS: dict[Tier, tuple[int, ...]] = {
-    "quick": (40, 20, 10),
-    "standard": (121, 60, 20),
-    "full": (300, 121, 40),
-}
+RUNGS = {"quick": (40, 20, 10), "standard": (121, 60, 20), "full": (300, 121, 40)}
 BOTH = {"al_oxide": "Al_oxide", "al_alloy": "Al_alloy"}
 FEM = {"steel": "FEM_Wu2003", "polyethylene": "FEM_Wu2003"}
-FIRST_ORDER = (
-    "dashpots see half-step velocities, and sticking and slip begin at whole steps: about first order,"
-    " scattered by where in a step they begin"
-)
 KRATOS = "the tolerance of Kratos' own tests against these points; the exact law differs from them by {}"
 
-
-def variants(tier: Tier) -> list[Variant]:
-    return [
-        Variant(f"T{test.number}_{n}", test.scene(test.flight / (n + 0.5)))
-        for test in (T4, T5)
-        for n in RUNGS[tier]
-    ]
-
-
-#: Published curves by test and material: column -> label.
-PANELS = {
-    4: {
-        "al_oxide": {"Al_oxide": "published, Al oxide", "experiment_Kharaz": "experiment"},
-        "al_alloy": {"Al_alloy": "published, Al alloy"},
-    },
-    5: {
-        "steel": {"steel_DEM": "published DEM, steel", "FEM_Wu2003": "published FEM"},
-        "polyethylene": {"polyethylene_DEM": "published DEM, polyethylene"},
-    },
-}
-
-CASE = Case(
+CASE = kit.Case(
     name="chung_ooi_oblique",
     title="Chung and Ooi, tests 4 and 5: oblique impacts",
     purpose=(
@@ -57,11 +28,11 @@ CASE = Case(
         "Chung and Ooi, Granular Matter 13 (2011) 643; Kharaz, Gorham and Salman, Powder Technol. 120 (2001)"
         " 281; Wu, Li and Thornton (2003) for FEM; digitized by the Kratos and MFIX projects."
     ),
-    variants=variants,
+    variants=lambda tier: [v for t in (T4, T5) for v in t.variants(f"T{t.number}_", RUNGS[tier])],
     checks=(
         *(c for t in (T4, T5) for c in step_by_step(t.meetings(), spin=True, prefix=f"T{t.number}_")),
-        *against_ode(T4, "T4_", {"standard": 1e-3}, (0.7, 1.6), FIRST_ORDER),
-        *against_ode(T5, "T5_", {"standard": 1e-3}, (0.7, 2.2), FIRST_ORDER),
+        *against_ode(T4, "T4_", dict.fromkeys(kit.LONG, 1e-3), (0.7, 1.6), FIRST_ORDER),
+        *against_ode(T5, "T5_", dict.fromkeys(kit.LONG, 1e-3), (0.7, 2.2), FIRST_ORDER),
         against_published(T4, "T4_", "et", "T4_et", BOTH, 1.6e-2, KRATOS.format("0.5 %")),
         against_published(T4, "T4_", "omega", "T4_omega", BOTH, 2.2e-2, KRATOS.format("1.0 %")),
         against_published(
@@ -92,7 +63,10 @@ CASE = Case(
                     "T4_rebound_angle_contact_point", "angle [deg]", "rebound angle of the surface [deg]"
                 ),
             },
-            PANELS[4],
+            {
+                "al_oxide": {"Al_oxide": "published, Al oxide", "experiment_Kharaz": "experiment"},
+                "al_alloy": {"Al_alloy": "published, Al alloy"},
+            },
         ),
         figures.curves(
             T5, "T5_", "Test 5: surface velocity and spin after impact",
@@ -104,7 +78,11 @@ CASE = Case(
                 "rebound": ("T5_rebound", "v_s/(mu v_n)", "v_s'/(mu v_n')"),
                 "spin": ("T5_spin", "v_s/(mu v_n)", "R w'/(mu v_n)"),
             },
-            PANELS[5], {"rebound": figures.sliding_line(T5)},
+            {
+                "steel": {"steel_DEM": "published DEM, steel", "FEM_Wu2003": "published FEM"},
+                "polyethylene": {"polyethylene_DEM": "published DEM, polyethylene"},
+            },
+            sliding="rebound",
         ),
     ),
     tables=(figures.finals_table(T4, "T4_"), figures.finals_table(T5, "T5_")),
@@ -113,5 +91,5 @@ CASE = Case(
         "several materials",
     ),
     order=32,
-    tiers=("standard", "full"),
+    tiers=kit.LONG,
 )  # fmt: skip

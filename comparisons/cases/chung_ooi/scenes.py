@@ -19,12 +19,14 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.cases.single_contact.meetings import Meeting
+from comparisons import kit
+from comparisons.cases.side_by_side import Spheres, plane, traced, turned
+from comparisons.cases.single_contact.meetings import Meeting, exact, overlap
 from comparisons.oracles import closed_forms
 from comparisons.oracles.bodies import Bodies, star
-from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
+from gpudem.output.run import Run
+from gpudem.scene import Contact, Material, Pair, Scene
 
-DATA = Path(__file__).parent / "data"
 #: Planes by the place of a test's material: the first hits the floor, the second the roof above it.
 PLANES = ("floor", "roof")
 #: Flight before the touch, as a share of the shortest contact time; room after the longest.
@@ -32,9 +34,9 @@ FLIGHT, AFTER = 0.1, 1.3
 
 
 @functools.cache
-def published(name: str = "chung_ooi_2011") -> dict[str, Any]:
-    """Digitised curves and experiments, by the names in the file."""
-    return json.loads((DATA / f"{name}.json").read_text())
+def published() -> dict[str, Any]:
+    """Digitized curves and experiments, by the names in the file."""
+    return json.loads((Path(__file__).parent / "data" / "chung_ooi_2011.json").read_text())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,10 +59,10 @@ class Ball:
         """Restitution in the paper."""
         return self.restitution if self.nominal is None else self.nominal
 
-    def corrected(self) -> Ball:
-        """The same with the restitution put in that comes out as stated under `limit_force`."""
-        put_in = closed_forms.restitution_to_put_in(self.restitution)
-        return dataclasses.replace(self, nominal=self.restitution, restitution=put_in)
+    @property
+    def name(self) -> str:
+        """Its material in the scene: one for each restitution."""
+        return f"{self.material}_e{100 * self.restitution:.0f}"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,11 +75,6 @@ class Test:
     friction: float
     balls: tuple[Ball, ...]
     paired: bool = False
-
-    @property
-    def names(self) -> list[str]:
-        """Materials in the order of their planes."""
-        return list(self.materials)
 
     def bodies(self, ball: Ball) -> Bodies:
         """The two bodies of an impact, from the paper's numbers rather than from a scene."""
@@ -104,76 +101,94 @@ class Test:
         """The impacts in the order of `balls`."""
         if self.paired:
             return [Meeting(b.what, 2 * k, 2 * k + 1) for k, b in enumerate(self.balls)]
-        return [Meeting(b.what, k, PLANES[self.names.index(b.material)]) for k, b in enumerate(self.balls)]
+        planes = dict(zip(self.materials, PLANES, strict=False))
+        return [Meeting(b.what, k, planes[b.material]) for k, b in enumerate(self.balls)]
 
     def axes(self, k: int) -> np.ndarray:
         """Rows n (out of the plane, or to the first sphere), t, t x n of impact k; no two tangents alike."""
-        turn = 0.7 * k + 0.3
-        n, t = np.array([0.0, 0.0, 1.0]), np.array([math.cos(turn), math.sin(turn), 0.0])
-        if self.paired:
-            tilt = 0.4 + 0.5 * k
-            n, t = math.cos(tilt) * n + math.sin(tilt) * t, math.cos(tilt) * t - math.sin(tilt) * n
-        elif self.names.index(self.balls[k].material):
+        n, t = turned(0.7 * k + 0.3, 0.4 + 0.5 * k if self.paired else 0.0)
+        if not self.paired and self.balls[k].material != next(iter(self.materials)):
             n = -n
         return np.array([n, t, np.cross(t, n)])
 
-    def _spheres(self, pitch: float, height: float) -> Explicit:
-        """All spheres `flight` before their touch; impacts `pitch` [m] apart on a square about the origin,
-        where positions have the most digits; planes `height` [m] apart.
+    def _spheres(self, side: int, pitch: float, height: float) -> Spheres:
+        """All spheres `flight` before their touch; impacts `pitch` [m] apart on a square of `side` impacts
+        about the origin, where positions have the most digits; planes `height` [m] apart.
         """
-        side = math.ceil(math.sqrt(len(self.balls)))
-        rows: list[tuple[np.ndarray, np.ndarray, np.ndarray, str]] = []
+        rows = Spheres()
         for k, b in enumerate(self.balls):
             n, t, axis = self.axes(k)
             x, y = pitch * (k % side - (side - 1) / 2), pitch * (k // side - (side - 1) / 2)
-            velocity = -b.normal * n + b.tangential * t
+            velocity, spin = -b.normal * n + b.tangential * t, b.spin * axis
             if self.paired:
                 start, place = np.array([x, y, 0.0]), self.radius * n - self.flight * velocity
                 # gross spin about +axis on one side, the same surface velocity on the other
-                rows.append((start + place, velocity, b.spin * axis, _name(b)))
-                rows.append((start - place, -velocity, -b.spin * axis, _name(b)))
+                rows.add(start + place, velocity, spin, material=b.name)
+                rows.add(start - place, -velocity, -b.spin * axis, material=b.name)
             else:
                 touch = np.array([x, y, self.radius if n[2] > 0 else height - self.radius])
-                rows.append((touch - self.flight * velocity, velocity, b.spin * axis, _name(b)))
-        position, velocity, spin, names = zip(*rows, strict=True)
-        return Explicit(
-            position=position, velocity=velocity, angular_velocity=spin, radius=self.radius,
-            material=list(names),
-        )  # fmt: skip
+                rows.add(touch - self.flight * velocity, velocity, spin, material=b.name)
+        return rows
 
     def scene(self, dt: float, contact: Contact | None = None) -> Scene:
         """All impacts, `flight` before their touch; spheres fly apart, or at a floor and a ceiling."""
-        planes, factor = ([], 1) if self.paired else (self.names, 2)
+        planes, factor = ([], 1) if self.paired else (list(self.materials), 2)
         known = {n: m.model_copy(update={"young": factor * m.young}) for n, m in self.materials.items()}
-        used = {_name(b): b for b in self.balls}
+        used = {b.name: b for b in self.balls}
         partners = [(a, f"{w}_plane") for a in used for w in planes]
         partners += [(a, c) for k, a in enumerate(used) for c in list(used)[k:]]
-        pitch, height = (5 if self.paired else 3.5) * self.radius, 10 * self.radius
-        half = pitch * ((math.ceil(math.sqrt(len(self.balls))) - 1) / 2 + 1)
-        z, room = 5 * self.radius if self.paired else 0.0, 0.1 * self.radius
-        return Scene(
-            name=f"chung_ooi_{self.number}", title=f"Chung and Ooi, test {self.number}, step {dt:.3g} s",
+        side, pitch = math.ceil(math.sqrt(len(self.balls))), (5 if self.paired else 3.5) * self.radius
+        half, height, room = pitch * ((side - 1) / 2 + 1), 10 * self.radius, 0.1 * self.radius
+        z = 5 * self.radius if self.paired else 0.0
+        return traced(
+            f"chung_ooi_{self.number}", self._spheres(side, pitch, height).explicit(radius=self.radius),
+            title=f"Chung and Ooi, test {self.number}, step {dt:.3g} s",
             materials={a: known[b.material] for a, b in used.items()}
             | {f"{w}_plane": known[w] for w in planes},
             pairs=[
                 Pair(materials=pair, restitution=used[pair[0]].restitution, friction=self.friction)
                 for pair in partners
             ],
-            contact=contact or Contact(), particles=self._spheres(pitch, height),
+            contact=contact or Contact(),
             walls=[
-                Plane(name=name, material=f"{w}_plane", point=(0, 0, k * height), normal=(0, 0, 1 - 2 * k))
+                plane(name, (0, 0, k * height), (0, 0, 1 - 2 * k), f"{w}_plane")
                 for k, (w, name) in enumerate(zip(planes, PLANES, strict=False))
             ],
-            domain=Domain(lo=(-half, -half, -z - room), hi=(half, half, max(z, height) + room)),
-            time=Time(
-                step=dt, duration=self.flight + AFTER * max(self.contact_time(b) for b in self.balls)
-            ),
-            output=Output(trace_every=dt),
+            lo=(-half, -half, -z - room), hi=(half, half, max(z, height) + room), step=dt,
+            duration=self.flight + AFTER * max(self.contact_time(b) for b in self.balls),
         )  # fmt: skip
 
+    def variants(
+        self, prefix: str, steps: Sequence[int], contact: Contact | None = None
+    ) -> list[kit.Variant]:
+        """The test in steps such that the touch is that many and a half after the start."""
+        return [kit.Variant(f"{prefix}{n}", self.scene(self.flight / (n + 0.5), contact)) for n in steps]
 
-def _name(ball: Ball) -> str:
-    return f"{ball.material}_e{100 * ball.restitution:.0f}"
+    def outcome(self, run: Run) -> np.ndarray:
+        """Per impact (v_n', v_t' [m/s], w' [rad/s]) of the (first) sphere, spin counted so that it adds R w
+        to the slip. Raises ValueError where a contact has not ended within the run.
+        """
+        found = []
+        for k, m in enumerate(self.meetings()):
+            if overlap(run, m)[-1] > 0:
+                raise ValueError(f"{m.label}: still in contact at the end of the run")
+            velocity, spin = (run.trace[c][-1, m.row] for c in ("velocity", "angular_velocity"))
+            n, t, axis = self.axes(k)
+            found.append((velocity @ n, velocity @ t, spin @ axis))
+        return np.array(found)
+
+    def exact_outcome(self, results: kit.Results, run: Run) -> np.ndarray:
+        """The same by the ODE."""
+
+        def compute(k: int, m: Meeting) -> tuple[float, float, float]:
+            truth, (n, t, axis) = exact(results, run.scene, m), self.axes(k)
+            at = {name: values[0, 0] for name, values in truth.at(np.array([truth.end])).items()}
+            return at["velocity"] @ n, at["velocity"] @ t, at["angular_velocity"] @ axis
+
+        def of_all() -> np.ndarray:
+            return np.array([compute(k, m) for k, m in enumerate(self.meetings())])
+
+        return results.once(("outcome", run.scene.hash), of_all)
 
 
 def _material(young_gpa: float, poisson: float, density: float) -> Material:
@@ -187,7 +202,6 @@ ALLOY_33, COPPER = _material(70, 0.33, 2700), _material(120, 0.35, 8900)
 STEEL, POLYETHYLENE = _material(208, 0.3, 7850), _material(1.0, 0.4, 1400)
 NYLON = _material(2.5, 0.4, 1000)
 
-RESTITUTIONS = (0.2, 0.4, 0.6, 0.8, 1.0)
 #: Degrees from the normal; the paper has every fifth from 5 to 85, the others are to read it between.
 ANGLES = (2.0, 3.5, 5.0, 7.5, 10.0, 12.5, *(float(a) for a in range(15, 90, 5)))
 SPEED_4 = 3.9
@@ -197,10 +211,13 @@ SPEEDS_5 = (0.1, 0.3, 0.45, 0.6, 0.9, 1.2, 1.5, 1.8, 2.25, 2.7, 3, 3.75, 4.5, 5.
 SPINS = (0.175, 0.3, 0.42, 0.6, 0.8, 1, 1.2, 1.5, 2, 2.4, 2.8, 3, 3.5, 4, 6, 8, 10, 12, 14, 21, 24)
 
 
-def _each(
-    names: tuple[str, str], make: Callable[[str, float], Ball], values: Sequence[float]
-) -> tuple[Ball, ...]:
-    return tuple(make(name, value) for name in names for value in values)
+def _test(
+    number: int, materials: dict[str, Material], radius: float, friction: float, values: Sequence[float],
+    ball: Callable[[str, float], Ball], paired: bool = False,
+) -> Test:  # fmt: skip
+    """A test with a ball of each material for each of the values."""
+    balls = tuple(ball(name, value) for name in materials for value in values)
+    return Test(number, materials, radius, friction, balls, paired)
 
 
 def _angled(name: str, angle: float) -> Ball:
@@ -208,40 +225,29 @@ def _angled(name: str, angle: float) -> Ball:
     return Ball(name, 0.98, SPEED_4 * math.cos(a), SPEED_4 * math.sin(a), what=f"{name}, {angle:g} deg")
 
 
-def _thrown(name: str, speed: float) -> Ball:
-    return Ball(name, 1.0, 5.0, speed, what=f"{name}, {speed:g} m/s")
-
-
 def _spun(name: str, spin: float) -> Ball:
     return Ball(name, 0.5, 0.2, 0.0, spin, what=f"{name}, {spin:g} rad/s")
 
 
-T1 = Test(
-    1, {"glass": GLASS, "limestone": LIMESTONE}, 0.010, 0.35,
-    (Ball("glass", 1.0, 10.0, what="glass"), Ball("limestone", 1.0, 10.0, what="limestone")), paired=True,
+T1 = _test(
+    1, {"glass": GLASS, "limestone": LIMESTONE}, 0.010, 0.35, (10.0,),
+    lambda name, speed: Ball(name, 1.0, speed, what=name), paired=True,
 )  # fmt: skip
-T2 = Test(
-    2, {"al_alloy": ALLOY, "mg_alloy": MAGNESIUM}, 0.1, 0.0,
-    (Ball("al_alloy", 1.0, 0.2, what="Al alloy"), Ball("mg_alloy", 1.0, 0.2, what="Mg alloy")),
+T2 = _test(
+    2, {"al_alloy": ALLOY, "mg_alloy": MAGNESIUM}, 0.1, 0.0, (0.2,),
+    lambda name, speed: Ball(name, 1.0, speed, what=name.replace("_", " ").capitalize()),
 )  # fmt: skip
-T3 = Test(
-    3, {"al_oxide": OXIDE, "cast_iron": IRON}, 0.0025, 0.0,
-    _each(("al_oxide", "cast_iron"), lambda n, e: Ball(n, e, 3.9, what=f"{n}, e = {e:g}"), RESTITUTIONS),
+T3 = _test(
+    3, {"al_oxide": OXIDE, "cast_iron": IRON}, 0.0025, 0.0, (0.2, 0.4, 0.6, 0.8, 1.0),
+    lambda name, e: Ball(name, e, 3.9, what=f"{name}, e = {e:g}"),
 )  # fmt: skip
-T4 = Test(
-    4, {"al_oxide": OXIDE, "al_alloy": ALLOY_33}, 0.0025, 0.092,
-    _each(("al_oxide", "al_alloy"), _angled, ANGLES),
+T4 = _test(4, {"al_oxide": OXIDE, "al_alloy": ALLOY_33}, 0.0025, 0.092, ANGLES, _angled)
+T5 = _test(
+    5, {"steel": STEEL, "polyethylene": POLYETHYLENE}, 1e-5, 0.3, SPEEDS_5,
+    lambda name, speed: Ball(name, 1.0, 5.0, speed, what=f"{name}, {speed:g} m/s"),
 )  # fmt: skip
-T5 = Test(
-    5, {"steel": STEEL, "polyethylene": POLYETHYLENE}, 1e-5, 0.3,
-    _each(("steel", "polyethylene"), _thrown, SPEEDS_5),
-)  # fmt: skip
-T6 = Test(
-    6, {"al_alloy": ALLOY_33, "nylon": NYLON}, 0.1, 0.4, _each(("al_alloy", "nylon"), _spun, SPINS)
-)  # fmt: skip
+T6 = _test(6, {"al_alloy": ALLOY_33, "nylon": NYLON}, 0.1, 0.4, SPINS, _spun)
 #: Test 6 with the restitution that makes `limit_force` give the paper's 0.5 instead of 0.55.
-T6_CORRECTED = dataclasses.replace(T6, balls=tuple(b.corrected() for b in T6.balls))
-T7 = Test(
-    7, {"al_alloy": ALLOY_33, "copper": COPPER}, 0.1, 0.4,
-    _each(("al_alloy", "copper"), _spun, SPINS), paired=True,
-)  # fmt: skip
+_PUT_IN = {"nominal": 0.5, "restitution": closed_forms.restitution_to_put_in(0.5)}
+T6_CORRECTED = dataclasses.replace(T6, balls=tuple(dataclasses.replace(b, **_PUT_IN) for b in T6.balls))
+T7 = _test(7, {"al_alloy": ALLOY_33, "copper": COPPER}, 0.1, 0.4, SPINS, _spun, paired=True)

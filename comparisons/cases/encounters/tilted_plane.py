@@ -2,50 +2,62 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from comparisons.cases.encounters import figures
-from comparisons.cases.encounters.checks import against_ode, step_by_step
-from comparisons.cases.encounters.scenes import ON_THE_PLANE, on_the_plane, turn
-from comparisons.harness import check_builders as build
+from comparisons import kit
+from comparisons.cases.encounters import figures, throws
+from comparisons.cases.encounters.checks import against_ode, differences, step_by_step
+from comparisons.cases.encounters.throws import RADIUS, SPACING, Encounter, Throw
+from comparisons.cases.side_by_side import plane, turned
 from comparisons.harness import codes
-from comparisons.harness.case import Case, Check, Measured, PerCode, Results, Tier, Variant, largest
-from comparisons.metrics import trace
-from gpudem.output.run import Run
+from gpudem.scene import Scene
 
+THROWS = (
+    Throw("elastic, slips, grips, slips", 1.0, 0.5),
+    Throw("elastic, slides", 1.0, 2.5),
+    Throw("e = 0.6, sticks", 0.6, 0.05),
+    Throw("e = 0.6, slips and grips", 0.6, 0.5, speed=0.8),
+    Throw("e = 0.6, slides", 0.6, 3.0),
+    Throw("e = 0.6, back spin", 0.6, 0.8, (1.4, 0.0)),
+)
+ON_THE_PLANE = [Encounter(throw.what, ((k, "floor"),)) for k, throw in enumerate(THROWS)]
 ALL = {"across_z": ON_THE_PLANE, "tilted": ON_THE_PLANE}
 
 
-def variants(tier: Tier) -> list[Variant]:
-    """The same impacts on a plane across z, and all turned: LIGGGHTS has planes across the axes only."""
-    return [
-        Variant("across_z", on_the_plane("across_z", np.eye(3), 2.5)),
-        Variant("tilted", on_the_plane("tilted", turn(), 0.4), ("gpudem",)),
-    ]
+def turn() -> np.ndarray:
+    """The rotation of the tilted scene: z into a direction whose components are 0.42, -0.37 and 0.83."""
+    axis, angle = np.array([0.37, 0.42, 0.2]), 0.63
+    x, y, z = axis / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
 
 
-def difference(tilted: Run, straight: Run) -> Measured:
-    """Velocity and R x spin of a tilted run, turned back, against those of one that is not tilted."""
-    radius, found = straight.scene.state.radius, {}
-    for column, scale in (("velocity", np.ones(len(radius))), ("angular_velocity", 1 / radius)):
-        found[column] = trace.largest_difference(tilted.trace[column] @ turn(), straight.trace[column], scale)
-    return largest(found)
+def scene(name: str, rotation: np.ndarray, length: float) -> Scene:
+    """Six impacts on a floor through the origin; all turned by a rotation, the normal of that length."""
+    rows = throws.Spheres()
+    for k, throw in enumerate(THROWS):
+        place = rotation @ np.array([SPACING * (k - 2.5), 0.0, RADIUS])
+        rows.throw(throw, place, turned(0.7 + 0.9 * k) @ rotation.T)
+    floor = plane("floor", (0.0, 0.0, 0.0), (length * rotation[:, 2]).tolist())
+    return throws.scene(name, rows, THROWS, "wall", walls=[floor], steps=425)
 
 
-def turned_back(results: Results, code: str, other: str) -> Measured:
-    """A code's tilted run against the straight run of a code."""
-    return difference(results["tilted", code], results["across_z", other])
+def turned_back(results: kit.Results, code: str, other: str) -> dict[str, float]:
+    tilted, straight = results["tilted", code], results["across_z", other]
+    back = {column: values @ turn() for column, values in tilted.trace.items() if values.ndim == 3}
+    return differences(back, straight.trace, straight.scene.state.radius)
 
 
-def against_itself(code: str) -> tuple[Check, ...]:
+def against_itself(code: str) -> tuple[kit.Check, ...]:
     """The tilted run of a code under test against its own that is not; a reference runs no tilted plane."""
     if codes.CODES[code].role != "under_test":
         return ()
-    check = Check(
-        name=f"{NAME} ({code}, both)", measure=lambda results: turned_back(results, code, code),
-        tolerance=1e-10, unit="1", against="itself", mark="A", reason=REASON, catches=CATCHES, needs=(code,),
+    return kit.checks(
+        f"{NAME} ({code}, both)", lambda results: turned_back(results, code, code), 1e-10,
+        against="itself", reason=REASON, catches=CATCHES, needs=(code,),
     )  # fmt: skip
-    return (check,)
 
 
 NAME = "tilted and turned back: velocity and R x spin, largest difference over all steps / (1 m/s)"
@@ -57,7 +69,7 @@ CATCHES = (
     "a normal that is used without being brought to length one; a gap, an offset or a friction that is right"
     " along axes only"
 )
-CASE = Case(
+CASE = kit.Case(
     name="tilted_plane",
     title="Impacts on a tilted plane",
     purpose=(
@@ -68,13 +80,14 @@ CASE = Case(
         " the run of the same code that is not tilted, and both with the exact motion."
     ),
     source="Rotation of the frame; the law of LIGGGHTS' manual (hertz, tangential history) by DOP853.",
-    variants=variants,
+    variants=lambda tier: [  # LIGGGHTS has planes across the axes only
+        kit.Variant("across_z", scene("across_z", np.eye(3), 2.5)),
+        kit.Variant("tilted", scene("tilted", turn(), 0.4), ("gpudem",)),
+    ],
     checks=(
         *step_by_step({"across_z": ON_THE_PLANE}, CATCHES),
-        build.per_pair(
-            NAME, turned_back, tolerance=1e-10, reason=REASON, catches=CATCHES, half_step=True
-        ),
-        PerCode(against_itself),
+        kit.per_pair(NAME, turned_back, tolerance=1e-10, reason=REASON, catches=CATCHES, half_step=True),
+        kit.PerCode(against_itself),
         *against_ode(ALL, CATCHES),
     ),
     figures=(figures.through("tilted", [ON_THE_PLANE[k] for k in (0, 3, 5)], "Three impacts, tilted"),),

@@ -11,17 +11,16 @@ from typing import Any
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.liggghts_findings import scenes
 from comparisons.cases.single_contact import head_on
 from comparisons.cases.single_contact.meetings import errors
-from comparisons.harness.case import Check, Finding, Measured, Results, Tier, largest
 from comparisons.metrics import trace
 from gpudem.errors import GpudemError
 from gpudem.scene import Scene
 
 OURS, THEIRS = "gpudem", "liggghts"
 BOTH = (OURS, THEIRS)
-BENCH: tuple[Tier, ...] = ("standard", "full")
 HOP, COLLIDE, FLOW = ("hop", THEIRS), ("collide", THEIRS), ("flow", THEIRS)
 
 
@@ -30,105 +29,98 @@ def accepted(scene: Scene) -> dict[str, str]:
     from gpudem import driver
     from reference import liggghts
 
-    runs: dict[str, Callable[[Path], Any]] = {
-        OURS: lambda folder: driver.simulate(scene, folder),
-        THEIRS: lambda folder: liggghts.run(scene, folder, use_recorded=False),
-    }
     messages: dict[str, str] = {}
-    for code, run in runs.items():
-        with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder:
+        for code, run in {
+            OURS: lambda: driver.simulate(scene, Path(folder, OURS)),
+            THEIRS: lambda: liggghts.run(scene, Path(folder, THEIRS), use_recorded=False),
+        }.items():
             try:
-                run(Path(folder))
+                run()
                 messages[code] = ""
             except GpudemError as error:
                 messages[code] = str(error).splitlines()[0]
     return messages
 
 
-def _accepted(results: Results, label: str) -> Measured:
+def _accepted(results: kit.Results, label: str) -> kit.Measured:
     messages = results.once(("accepted", label), lambda: accepted(results[label, THEIRS].scene))
-    return Measured(float(sum(not m for m in messages.values())), note="; ".join(messages.values()))
+    return kit.Measured(float(sum(not m for m in messages.values())), note="; ".join(messages.values()))
 
 
-def silent(results: Results, label: str, what: str) -> Measured:
+def silent(results: kit.Results, label: str, what: str) -> kit.Measured:
     """Particles lost, or 1 for NaN, in a run that ended with status 0 and no message; otherwise NaN."""
     run = results[label, THEIRS]
     notes = run.notes
     quiet = notes["exit_status"] == 0 and not notes["errors"] and notes["steps"] == run.scene.n_steps
     left = f"{notes['particles']} of {run.timing.particles} particles at step {notes['steps']}"
     note = f"exit status {notes['exit_status']}, {left}, {len(run.warnings)} warnings"
-    return Measured(float(notes[what]) if quiet else float("nan"), note=note)
+    return kit.Measured(float(notes[what]) if quiet else float("nan"), note=note)
 
 
-def _excess(results: Results, law: str, code: str) -> Measured:
-    """Largest distance from Coulomb's line over the restitutions."""
-    found = scenes.excess(results[law, code])
-    return largest({
-        f"e = {e:g}": Measured(abs(x), float(x), 0.0) for e, x in zip(scenes.SLIDES, found, strict=True)
-    })  # fmt: skip
+def _excess(results: kit.Results, law: str, code: str) -> kit.Measured:
+    found = zip(scenes.SLIDES, scenes.excess(results[law, code]), strict=True)
+    return kit.largest({f"e = {e:g}": kit.Measured(abs(x), float(x), 0.0) for e, x in found})
 
 
-def _output(results: Results) -> float:
-    """Last velocities of gpudem with output at every step, and only at the end: largest difference [m/s]."""
+def _output(results: kit.Results) -> float:
     dense, sparse = (results[label, OURS].trace for label in ("collide", "collide_quiet"))
     return float(np.abs(dense["velocity"][-1] - sparse["velocity"][-1]).max())
 
 
-def _points(results: Results) -> Measured:
+def _points(results: kit.Results) -> kit.Measured:
     exact, points, error = scenes.points_error(results["still_raw", THEIRS])
     changed = int(((exact > 0) != (points > 0)).sum())
     typical = float(np.median(exact[exact > 0]))
     note = f"{changed} of {(exact > 0).sum()} contacts change; overlap {typical:.2g} m"
-    return Measured(float(error.max()), note=note)
+    return kit.Measured(float(error.max()), note=note)
 
 
-def _frames(results: Results) -> float:
-    """Last frame of gpudem and of LIGGGHTS as converted, same scene: largest difference of position [m]."""
+def _frames(results: kit.Results) -> float:
     ours, theirs = (results["still", code].frames[-1]["position"] for code in BOTH)
     return float(np.abs(ours - theirs).max())
 
 
-def impact_error(results: Results, label: str, code: str) -> float:
+def impact_error(results: kit.Results, label: str, code: str) -> float:
     """Largest velocity error / impact speed over the damped pairs of `head_on`, against the ODE."""
     run = results[label, code]
     return max(errors(results, run, m)["velocity"] for m in head_on.DAMPED)
 
 
-def _half_step(results: Results) -> Measured:
+def _half_step(results: kit.Results) -> kit.Measured:
     label = results.finest("dt_")
     theirs, ours = impact_error(results, label, THEIRS), impact_error(results, f"path_{label}", OURS)
-    return Measured(theirs / ours, theirs, ours, note=f"step {label[3:]} s, e = 0.3 to 0.9")
+    return kit.Measured(theirs / ours, theirs, ours, note=f"step {label[3:]} s, e = 0.3 to 0.9")
 
 
-def order(results: Results, prefix: str, code: str) -> float:
-    """Observed order in the step of `impact_error`."""
+def order(results: kit.Results, prefix: str, code: str) -> float:
     labels = results.labels(prefix=prefix)
     steps = [results[label, code].scene.time.step for label in labels]
     return trace.observed_order(steps, [impact_error(results, label, code) for label in labels])
 
 
-def flow_gap(results: Results, a: tuple[str, str], b: tuple[str, str], until: float) -> float:
+def flow_gap(results: kit.Results, a: tuple[str, str], b: tuple[str, str], until: float) -> float:
     """Largest difference of kinetic energy between two flows up to a time [s] / that energy."""
     time, found = scenes.energy_gap(results, a, b)
     return float(found[(time >= scenes.MOVING) & (time <= until)].max())
 
 
-def gap(a: tuple[str, str], b: tuple[str, str], scale: float) -> Callable[[Results], float]:
+def gap(a: tuple[str, str], b: tuple[str, str], scale: float) -> Callable[[kit.Results], float]:
     """Measure: largest difference of velocity between two runs / `scale` [m/s]."""
-    return lambda results: scenes.velocity_gap(results[a], results[b], scale)
-
-
-def _check(name: str, measure: Any, tolerance: float, catches: str, reason: str = "", **more: Any) -> Check:
-    """By default between gpudem and LIGGGHTS with our deck, to rounding."""
-    reason = reason or "same law and scheme: rounding"
-    facts = {"unit": "1", "against": "LIGGGHTS, our deck", "needs": BOTH} | more
-    return Check(
-        name=name, measure=measure, tolerance=tolerance, mark="X", reason=reason, catches=catches, **facts
+    return lambda results: trace.largest_difference(
+        results[a].trace["velocity"], results[b].trace["velocity"], scale
     )
 
 
-EXACT = "exact"
-CHECKS: tuple[Check, ...] = (
+def _check(
+    name: str, measure: Any, tolerance: float, catches: str, reason: str = "same law and scheme: rounding",
+    unit: str = "1", against: str = "LIGGGHTS, our deck", needs: tuple[str, ...] = BOTH, tiers=kit.TIERS,
+) -> kit.Check:  # fmt: skip
+    """By default between gpudem and LIGGGHTS with our deck, to rounding."""
+    return kit.Check(name, measure, tolerance, unit, against, "X", reason, catches, needs, tiers)
+
+
+CHECKS: tuple[kit.Check, ...] = (
     _check(
         "spring reset: velocity of the hopping ball, our deck against gpudem / impact speed",
         gap(HOP, ("hop", OURS), scenes.HOP), 1e-9, "a spring that gpudem keeps after separation",
@@ -139,7 +131,7 @@ CHECKS: tuple[Check, ...] = (
     ),
     _check(
         "output of gpudem at every step, and at the end alone: difference of the last velocities", _output,
-        0.0, "output that disturbs the run", EXACT, unit="m/s", needs=(OURS,), against="gpudem itself",
+        0.0, "output that disturbs the run", "exact", unit="m/s", needs=(OURS,), against="gpudem itself",
     ),
     *(
         _check(
@@ -154,7 +146,7 @@ CHECKS: tuple[Check, ...] = (
     _check(
         "friction 0: tangential over normal force at the set-up, gpudem",
         lambda results: scenes.tangential_share(results["smooth_floor", OURS]), 0.0,
-        "a dashpot that ignores friction", EXACT, needs=(OURS,), against="no friction, no tangential force",
+        "a dashpot that ignores friction", "exact", needs=(OURS,), against="no friction, no tangential force",
     ),
     _check(
         "friction 0: velocity, gpudem with contact.frictionless_dashpot against LIGGGHTS / speed",
@@ -164,13 +156,13 @@ CHECKS: tuple[Check, ...] = (
     _check(
         "flow, spring reset: kinetic energy by gpudem against our deck, up to 0.05 s / energy",
         lambda results: flow_gap(results, ("flow", OURS), FLOW, scenes.EARLY), 1e-6, "a spring kept or lost",
-        "rounding, grown over some hundred thousand collisions", tiers=BENCH,
+        "rounding, grown over some hundred thousand collisions", tiers=kit.LONG,
     ),
     *(
         _check(
             f"silence broken: codes that pass {name} without an error",
-            lambda results, label=label: _accepted(results, label), 0.0, "a guard that does not guard", EXACT,
-            unit="codes", needs=(THEIRS,), against="an error that names it",
+            lambda results, label=label: _accepted(results, label), 0.0, "a guard that does not guard",
+            "exact", unit="codes", needs=(THEIRS,), against="an error that names it",
         )
         for name, label in (("a lost particle", "leave"), ("NaN", "coincide"), ("a burst bed", "burst"))
     ),
@@ -184,11 +176,11 @@ CHECKS: tuple[Check, ...] = (
 
 def _finding(
     name: str, measure: Any, sentence: str, unit: str = "1", needs=(THEIRS,), **more: Any
-) -> Finding:
-    return Finding(name, measure, unit, sentence, needs, **more)
+) -> kit.Finding:
+    return kit.Finding(name, measure, unit, sentence, needs, **more)
 
 
-FINDINGS: tuple[Finding, ...] = (
+FINDINGS: tuple[kit.Finding, ...] = (
     _finding(
         "spring kept: velocity of the hopping ball, default deck against ours / impact speed",
         gap(("hop_default_factor", THEIRS), HOP, scenes.HOP),
@@ -226,7 +218,7 @@ FINDINGS: tuple[Finding, ...] = (
     _finding(
         "flow, spring kept: kinetic energy by the default deck against ours, up to 0.05 s / energy",
         lambda results: flow_gap(results, ("flow_default_factor", THEIRS), FLOW, scenes.EARLY),
-        "Two decks of LIGGGHTS that differ in nothing else.", tiers=BENCH,
+        "Two decks of LIGGGHTS that differ in nothing else.", tiers=kit.LONG,
     ),
     *(
         _finding(

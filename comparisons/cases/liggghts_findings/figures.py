@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.liggghts_findings import checks, scenes
 from comparisons.cases.liggghts_findings.checks import FLOW, OURS, THEIRS
-from comparisons.harness.case import Results
-from comparisons.harness.numbers import number
+from comparisons.kit import number
 from comparisons.metrics.trace import observed_order
 from comparisons.report import plots
-
-if TYPE_CHECKING:
-    import pandas
-    from matplotlib.figure import Figure
 
 #: Run -> (run that it is compared with, label).
 FLOWS = {
@@ -26,8 +20,7 @@ FLOWS = {
 }
 
 
-def hop(results: Results) -> Figure:
-    """Gap of the hopping ball, and what the default deck changes."""
+def hop(results: kit.Results) -> plots.Figure:
     figure, (top, low) = plots.figure(2, 1, height=4.4, sharex=True)
     kept, reset = results["hop_default_factor", THEIRS], results["hop", THEIRS]
     time = 1e3 * reset.trace["time"]
@@ -49,8 +42,7 @@ def hop(results: Results) -> Figure:
     return figure
 
 
-def sliding(results: Results) -> Figure:
-    """Share by which friction takes more than mu (1 + e) v_n."""
+def sliding(results: kit.Results) -> plots.Figure:
     figure, axes = plots.figure(height=3.6)
     names = {
         "default": "default", "limit_force": "limit_force on", "dashpot_off": "tangential_damping off",
@@ -66,8 +58,7 @@ def sliding(results: Results) -> Figure:
     return figure
 
 
-def half_step(results: Results) -> Figure:
-    """Largest velocity error of damped head-on impacts against the step."""
+def half_step(results: kit.Results) -> plots.Figure:
     figure, axes = plots.figure(height=3.6)
     path = {"color": plots.SERIES[2], "marker": "s", "markersize": 4.5}
     for prefix, code, label, more in (
@@ -84,8 +75,7 @@ def half_step(results: Results) -> Figure:
     return figure
 
 
-def flow(results: Results) -> Figure:
-    """How the kinetic energy of a flow changes with each behavior."""
+def flow(results: kit.Results) -> plots.Figure:
     figure, axes = plots.figure(width=plots.WHOLE, height=3.6)
     for (one, (two, label)), color in zip(FLOWS.items(), plots.SERIES, strict=False):
         time, found = scenes.energy_gap(results, one, two)
@@ -95,17 +85,14 @@ def flow(results: Results) -> Figure:
     return figure
 
 
-def _in_flow(results: Results, run: tuple[str, str]) -> str:
+def _in_flow(results: kit.Results, run: tuple[str, str]) -> str:
     if run not in results.runs:
         return "standard tier"
     early = checks.flow_gap(results, run, FLOWS[run][0], scenes.EARLY)
     return f"{number(early, 2)} of the kinetic energy within 0.05 s"
 
 
-def summary(results: Results) -> pandas.DataFrame:
-    """One row a behavior: its size, and what is free of it."""
-    import pandas
-
+def summary(results: kit.Results) -> kit.Rows:
     hop_gap = checks.gap(("hop_default_factor", THEIRS), checks.HOP, 1e-3)(results)
     again = checks.gap(("collide_two_runs", THEIRS), checks.COLLIDE, 1.0)(results)
     above = dict(zip(scenes.SLIDES, scenes.excess(results["default", THEIRS]), strict=True))
@@ -144,4 +131,4 @@ def summary(results: Results) -> pandas.DataFrame:
          "deck: a float64 column of the same file, from which our frames are made"),
     ]  # fmt: skip
     columns = ["behavior of LIGGGHTS 3.8.0", "size in one contact", "in 5000 balls", "free of it"]
-    return pandas.DataFrame(rows, columns=columns)
+    return [dict(zip(columns, row, strict=True)) for row in rows]

@@ -5,54 +5,54 @@ Standard tier: five flows of 5000 balls x 8000 steps, some 10 s each; the rest t
 
 from __future__ import annotations
 
+from comparisons import kit
 from comparisons.cases.liggghts_findings import figures
 from comparisons.cases.liggghts_findings import scenes as findings
-from comparisons.cases.liggghts_findings.checks import BENCH, BOTH, CHECKS, FINDINGS
+from comparisons.cases.liggghts_findings.checks import BOTH, CHECKS, FINDINGS
 from comparisons.cases.single_contact import head_on
 from comparisons.cases.single_contact.meetings import ladder
-from comparisons.harness.case import Case, Figure, Table, Tier, Variant
 from gpudem.scene import Scene
 
 
-def _deviating(label: str, scene: Scene, deviation: str) -> Variant:
-    return Variant(label, scene, ("liggghts",), {"liggghts": {"deviation": deviation}})
+def _deviating(label: str, scene: Scene, deviation: str) -> kit.Variant:
+    return kit.Variant(label, scene, ("liggghts",), {"liggghts": {"deviation": deviation}})
 
 
-def _path(label: str, scene: Scene) -> Variant:
-    return Variant(label, scene, ("gpudem",), {"gpudem": {"integrator": "path"}})
+def _path(label: str, scene: Scene) -> kit.Variant:
+    return kit.Variant(label, scene, ("gpudem",), {"gpudem": {"integrator": "path"}})
 
 
-def variants(tier: Tier) -> list[Variant]:
+def variants(tier: kit.Tier) -> list[kit.Variant]:
     steps = {label: head_on.scene(dt) for label, dt in ladder(tier, head_on.FLIGHT).items()}
     out = [
-        Variant("hop", findings.hop()),
+        kit.Variant("hop", findings.hop()),
         _deviating("hop_default_factor", findings.hop(), "default_contact_distance_factor"),
-        *(Variant(law, findings.slide(law)) for law in findings.LAWS),
-        Variant("smooth_floor", findings.smooth_floor(dashpot=False)),
-        Variant("smooth_floor_dashpot", findings.smooth_floor(dashpot=True), ("gpudem",)),
-        *(Variant(label, scene) for label, scene in steps.items()),
+        *(kit.Variant(law, findings.slide(law)) for law in findings.LAWS),
+        kit.Variant("smooth_floor", findings.smooth_floor(dashpot=False)),
+        kit.Variant("smooth_floor_dashpot", findings.smooth_floor(dashpot=True), ("gpudem",)),
+        *(kit.Variant(label, scene) for label, scene in steps.items()),
         *(_path(f"path_{label}", scene) for label, scene in steps.items()),
-        Variant("collide", findings.collide()),
-        Variant("collide_quiet", findings.collide(every=800), ("gpudem",)),
+        kit.Variant("collide", findings.collide()),
+        kit.Variant("collide_quiet", findings.collide(every=800), ("gpudem",)),
         _deviating("collide_two_runs", findings.collide(), "two_runs"),
         _deviating("leave", findings.leave(), "unguarded"),
         _deviating("coincide", findings.coincide(), "unguarded"),
         _deviating("burst", findings.burst(), "unguarded"),
-        Variant("still", findings.still()),
+        kit.Variant("still", findings.still()),
         _deviating("still_raw", findings.still(), "raw_frames"),
     ]
     if tier == "quick":
         return out
     return [
         *out,
-        Variant("flow", findings.flow()),
+        kit.Variant("flow", findings.flow()),
         _deviating("flow_default_factor", findings.flow(), "default_contact_distance_factor"),
         _path("flow_path", findings.flow()),
-        Variant("flow_coulomb", findings.flow("coulomb"), ("gpudem",)),
+        kit.Variant("flow_coulomb", findings.flow("coulomb"), ("gpudem",)),
     ]
 
 
-CASE = Case(
+CASE = kit.Case(
     name="liggghts_findings",
     title="What was found out about LIGGGHTS",
     purpose=(
@@ -68,33 +68,33 @@ CASE = Case(
     checks=CHECKS,
     findings=FINDINGS,
     figures=(
-        Figure(
+        kit.Figure(
             "A ball hops on a ball",
             "The first impact is the same; in the second, the default deck starts with the spring that the"
             " first left.",
             figures.hop, needs=("liggghts",),
         ),
-        Figure(
+        kit.Figure(
             "Friction above Coulomb's line",
             "Impacts that slide throughout. Lines: gpudem, rings: LIGGGHTS, equal for each option. The"
             " restitution is the measured one. With both options friction takes up to 1.5 % less, since the"
             " first contact sticks.",
             figures.sliding, needs=BOTH,
         ),
-        Figure(
+        kit.Figure(
             "Damping at half steps",
             "Head-on pairs, e = 0.3 to 0.9, largest error against the exact solution.",
             figures.half_step, needs=BOTH,
         ),
-        Figure(
+        kit.Figure(
             "In a flow",
             "5000 balls after the removal of the gate, each behavior against the same flow without it."
             " Rounding shows the growth by chaos: after 0.15 s all differ by a per cent, as any two runs do.",
-            figures.flow, tiers=BENCH, needs=BOTH,
+            figures.flow, tiers=kit.LONG, needs=BOTH,
         ),
     ),
     tables=(
-        Table(
+        kit.Table(
             "What was found out about LIGGGHTS",
             "Size in one contact and in a flow of 5000 balls, and what is free of each behavior.",
             figures.summary, needs=BOTH, section="limits",

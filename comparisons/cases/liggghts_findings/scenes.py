@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.bench.beds import COUNT, STEP, bed_scene, bench_scene, tiled
-from comparisons.harness.case import Results
-from comparisons.metrics import trace as measure
+from comparisons.cases.side_by_side import every_pair, floor, traced
 from gpudem.output.run import Run
-from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
+from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Scene, Time
 
 RADIUS = 0.003
 BALL = Material(young=5e6, poisson=0.34, density=1768.0)
 WALL = Material(young=3.2e9, poisson=0.37, density=1190.0)
-FLOOR = Plane(name="floor", material="wall", point=(0, 0, 0), normal=(0, 0, 1))
-CUBE = Domain(lo=(-0.03, -0.03, -0.03), hi=(0.03, 0.03, 0.03))
+FLOOR = floor("wall")
 #: Speed of the first impact of the hopping ball [m/s].
 HOP = 0.2
 #: Impacts in gross sliding: restitution of each sphere, its normal and tangential speed [m/s], friction.
@@ -42,7 +41,7 @@ def _scene(name: str, position, velocity, *, steps: int, every: int = 1, e=0.5, 
         particles=Explicit(
             position=position, velocity=velocity, angular_velocity=spin, radius=RADIUS, material="ball"
         ),
-        domain=CUBE, time=Time(step=step, duration=steps * step),
+        domain=Domain(lo=(-0.03,) * 3, hi=(0.03,) * 3), time=Time(step=step, duration=steps * step),
         output=Output(trace_every=every * step, history_every=every * step), **more,
     )  # fmt: skip
 
@@ -70,17 +69,14 @@ def slide(law: str) -> Scene:
         Pair(materials=(n, "wall"), restitution=e, friction=FRICTION)
         for n, e in zip(names, SLIDES, strict=True)
     ]
-    pairs += [Pair(materials=(a, b)) for k, a in enumerate(names) for b in names[k:]]
-    step = 5e-7
-    return Scene(
-        name="slide", materials=dict.fromkeys(names, BALL) | {"wall": WALL}, pairs=pairs, walls=[FLOOR],
-        contact=LAWS[law],
-        particles=Explicit(
-            position=[(0.0, 0.01 * k, RADIUS + 1.05e-5) for k in range(len(SLIDES))],
-            velocity=[(SLIP, 0.0, -SPEED)] * len(SLIDES), radius=RADIUS, material=names,
-        ),
-        domain=Domain(lo=(-0.01, -0.01, -0.001), hi=(0.01, 0.05, 0.02)),
-        time=Time(step=step, duration=1.5e-3), output=Output(trace_every=step),
+    particles = Explicit(
+        position=[(0.0, 0.01 * k, RADIUS + 1.05e-5) for k in range(len(SLIDES))],
+        velocity=[(SLIP, 0.0, -SPEED)] * len(SLIDES), radius=RADIUS, material=names,
+    )  # fmt: skip
+    return traced(
+        "slide", particles, materials=dict.fromkeys(names, BALL) | {"wall": WALL},
+        pairs=every_pair(names, pairs), walls=[FLOOR], contact=LAWS[law], step=5e-7, duration=1.5e-3,
+        lo=(-0.01, -0.01, -0.001), hi=(0.01, 0.05, 0.02),
     )  # fmt: skip
 
 
@@ -135,20 +131,13 @@ def flow(law: str = "default") -> Scene:
 # -- read from runs ----------------------------------------------------------------------------------------
 
 
-def velocity_gap(a: Run, b: Run, scale: float) -> float:
-    """Largest difference of velocity over all common rows of the traces / `scale` [m/s]."""
-    return measure.largest_difference(a.trace["velocity"], b.trace["velocity"], scale)
-
-
 def excess(run: Run) -> np.ndarray:
     """What friction took of the tangential speed beyond mu (1 + e_out) v_n, as a share of that, by sphere.
 
     With the restitution that came out, so that `limit_force`, which raises it, is judged by its own rebound.
     """
-    velocity = run.trace["velocity"]
-    lost = velocity[0, :, 0] - velocity[-1, :, 0]
-    e_out = velocity[-1, :, 2] / SPEED
-    return lost / (FRICTION * (1 + e_out) * SPEED) - 1
+    first, last = run.trace["velocity"][0], run.trace["velocity"][-1]
+    return (first[:, 0] - last[:, 0]) / (FRICTION * (1 + last[:, 2] / SPEED) * SPEED) - 1
 
 
 def tangential_share(run: Run) -> float:
@@ -157,14 +146,11 @@ def tangential_share(run: Run) -> float:
     return float(np.hypot(force[0], force[1]) / abs(force[2]))
 
 
-def energy_gap(results: Results, a: tuple[str, str], b: tuple[str, str]) -> tuple[np.ndarray, np.ndarray]:
+def energy_gap(results: kit.Results, a: tuple[str, str], b: tuple[str, str]) -> tuple[np.ndarray, np.ndarray]:
     """(time [s], difference of kinetic energy / larger of the two) of two flows."""
-    one, two = (results[key].history for key in (a, b))
-    assert one is not None
-    assert two is not None
-    first, second = one["kinetic_energy"].to_numpy(), two["kinetic_energy"].to_numpy()
-    scale = np.maximum(np.maximum(first, second), 1e-300)
-    return one["time"].to_numpy(), np.abs(first - second) / scale
+    time = results[a].history["time"].to_numpy()
+    one, two = (results[key].history["kinetic_energy"].to_numpy() for key in (a, b))
+    return time, np.abs(one - two) / np.maximum(np.maximum(one, two), 1e-300)
 
 
 def points_error(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.single_contact.meetings import (
     Meeting,
+    against_closed_forms,
     errors,
-    exact,
-    expected,
-    observables,
     overlap,
     relative_velocity,
 )
-from comparisons.harness import check_builders as build
-from comparisons.harness.case import Measured, PerCode, PerPair, Results, relative
 from gpudem.output.run import Run
 
 ODE = "ODE (DOP853, rtol 1e-13)"
@@ -40,7 +37,32 @@ STEP_BY_STEP = {
 }
 
 
-def step_by_step(meetings: list[Meeting], spin: bool, prefix: str = "", **fields: Any) -> tuple[PerPair, ...]:
+def columns_agree(
+    columns: Mapping[str, tuple[str, str]],
+    scale: Callable[[Run, str], np.ndarray | float],
+    read: Mapping[str, Callable[[Run], np.ndarray]] | None = None,
+    where: str = "",
+    **fields: Any,
+) -> tuple[kit.PerPair, ...]:
+    """Two codes at every step of every variant, to rounding; `columns` as `STEP_BY_STEP`, scale(run, column)
+    of what its first text names. `fields` go to `kit.step_by_step`.
+    """
+    return tuple(
+        kit.step_by_step(
+            f"{where}{column.replace('_', ' ')}, largest difference over all steps / {unit}", column,
+            lambda run, column=column: scale(run, column), read=(read or {}).get(column),
+            tolerance=1e-9 if column == "force" else 1e-11,
+            reason="same law, same scheme, same start: only the order of additions differs, which leaves"
+            " rounding; measured values are a hundredth of this",
+            catches=catches, **fields,
+        )
+        for column, (unit, catches) in columns.items()
+    )  # fmt: skip
+
+
+def step_by_step(
+    meetings: list[Meeting], spin: bool, prefix: str = "", **fields: Any
+) -> tuple[kit.PerPair, ...]:
     """Two codes at every step of every variant of a prefix, to rounding; fails if a meeting has no contact.
 
     Scales: position by the diameter of each particle, velocity by the lowest approach speed in the scene,
@@ -60,49 +82,31 @@ def step_by_step(meetings: list[Meeting], spin: bool, prefix: str = "", **fields
         apart = (m.label for m in meetings if overlap(run, m).max() <= 0)
         return next((f"{label} has no contact" for label in apart), "")
 
-    where = f"{prefix.rstrip('_')}: " if prefix else ""
-    return tuple(
-        build.step_by_step(
-            f"{where}{column.replace('_', ' ')}, largest difference over all steps / {unit}",
-            column,
-            lambda run, column=column: scale(run, column),
-            prefix=prefix,
-            defect=no_contact,
-            note=f"{len(meetings)} impacts",
-            tolerance=1e-9 if column == "force" else 1e-11,
-            reason="same law, same scheme, same start: only the order of additions differs, which leaves"
-            " rounding; measured values are a hundredth of this",
-            catches=catches,
-            **fields,
-        )
-        for column, (unit, catches) in STEP_BY_STEP.items()
-        if spin or column != "angular_velocity"
-    )
+    return columns_agree(
+        {k: texts for k, texts in STEP_BY_STEP.items() if spin or k != "angular_velocity"}, scale,
+        where=f"{prefix.rstrip('_')}: " if prefix else "", prefix=prefix, defect=no_contact,
+        note=f"{len(meetings)} impacts", **fields,
+    )  # fmt: skip
 
 
 def against_ode(
-    what: str,
-    meetings: list[Meeting],
-    tolerance: float,
-    order: tuple[float, float],
-    prefix: str = "",
-    why: str = "",
-) -> tuple[PerCode, PerCode]:
+    what: str, meetings: list[Meeting], tolerance: float, order: tuple[float, float], prefix: str, why: str
+) -> tuple[kit.PerCode, kit.PerCode]:
     """For each code: largest velocity error of the finest run, and the observed order in the time step."""
 
-    def error(results: Results, label: str, code: str) -> float:
+    def error(results: kit.Results, label: str, code: str) -> float:
         columns = ("velocity", "angular_velocity")
         return max(errors(results, results[label, code], m)[k] for m in meetings for k in columns)
 
     return (
-        build.per_code(
+        kit.per_code(
             f"{what}: velocity and R x spin, largest error / impact speed",
             lambda results, code: error(results, results.finest(prefix), code),
             tolerance=tolerance, against=ODE,
             reason=f"error of the scheme at the finest step, times two; {why}",
             catches="a wrong modulus, mass, damping constant or friction law, even where the codes agree",
         ),
-        build.observed_order(
+        kit.observed_order(
             f"{what}: observed order in the time step", error, order, prefix=prefix, against=ODE, reason=why,
             catches="a law that tends to another limit (order 0), a lagging force (order 1 instead of 2)",
         ),
@@ -111,31 +115,23 @@ def against_ode(
 
 def closed_form_errors(
     meetings: list[Meeting], quantity: str, limit_force: bool, prefix: str
-) -> Callable[[Results, str], dict[str, Measured]]:
+) -> Callable[[kit.Results, str], dict[str, kit.Measured]]:
     """Measure of the finest run: relative error of one of `QUANTITIES` in each impact."""
 
-    def measure(results: Results, code: str) -> dict[str, Measured]:
-        run, found = results[results.finest(prefix), code], {}
-        for m in meetings:
-            wanted = expected(exact(results, run.scene, m), limit_force)[quantity]
-            found[m.label] = relative(observables(results, run, m)[quantity], wanted)
-        return found
+    def measure(results: kit.Results, code: str) -> dict[str, kit.Measured]:
+        run = results[results.finest(prefix), code]
+        return {m.label: against_closed_forms(results, run, m, limit_force)[quantity] for m in meetings}
 
     return measure
 
 
-def against_closed_forms(
-    what: str,
-    meetings: list[Meeting],
-    tolerance: float,
-    limit_force: bool = False,
-    prefix: str = "",
-    why: str = "",
+def closed_forms(
+    what: str, meetings: list[Meeting], tolerance: float, prefix: str, why: str, limit_force: bool = False,
     quantities: Sequence[str] = tuple(QUANTITIES),
-) -> tuple[PerCode, ...]:
+) -> tuple[kit.PerCode, ...]:  # fmt: skip
     """Per code, largest relative error of each of the quantities: peak_overlap, contact_time, rebound."""
     return tuple(
-        build.per_code(
+        kit.per_code(
             f"{what}: {quantity.replace('_', ' ')}, relative error",
             closed_form_errors(meetings, quantity, limit_force, prefix),
             tolerance=tolerance, against="closed form", reason=why, catches=QUANTITIES[quantity],

@@ -4,27 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
+from comparisons import kit
 from comparisons.cases.single_contact.checks import closed_form_errors
-from comparisons.cases.single_contact.meetings import (
-    Meeting,
-    errors,
-    exact,
-    relative_velocity,
-)
-from comparisons.harness import check_builders as build
-from comparisons.harness.case import Figure, Results, Table
-from comparisons.metrics import trace as measure
+from comparisons.cases.single_contact.meetings import Meeting, errors, exact, relative_velocity
+from comparisons.metrics.trace import observed_order
 from comparisons.report import plots
 
 
-def overlay(meetings: list[Meeting], prefix: str = "", component: int = 0, title: str = "") -> Figure:
+def overlay(meetings: list[Meeting], prefix: str = "", component: int = 0, title: str = "") -> kit.Figure:
     """Velocity of the codes in time, and below their differences from each other and from the exact motion.
 
     Component 0: along the normal at the first touch, 1: along the slip.
     """
     name = ("normal", "tangential")[component]
 
-    def draw(results: Results) -> plots.Figure:
+    def draw(results: kit.Results) -> plots.Figure:
         label, since, curves = results.finest(prefix), {}, {}
         ran = results.codes(label)
         time = results[label, ran[0]].trace["time"]
@@ -41,7 +35,7 @@ def overlay(meetings: list[Meeting], prefix: str = "", component: int = 0, title
         low.set(xlabel="time since the first touch / contact time", xlim=(-0.1, 1.3))
         return figure
 
-    return Figure(
+    return kit.Figure(
         title or f"{name.capitalize()} velocity through the impact",
         "Top: velocities of the codes. Bottom: the codes differ from each other by rounding, and from the"
         " exact motion by the error of the time step, which they have in common.",
@@ -49,61 +43,57 @@ def overlay(meetings: list[Meeting], prefix: str = "", component: int = 0, title
     )
 
 
-def convergence(meetings: list[Meeting], prefix: str = "") -> Figure:
-    """Velocity error against the time step, one line per meeting and code, with the observed order."""
+def _ladder(results: kit.Results, prefix: str, code: str, m: Meeting) -> np.ndarray:
+    """Columns step [s], stepping time [s], velocity error; by step."""
+    runs = [results[label, code] for label in results.labels(code, prefix=prefix)]
+    rows = ((r.scene.time.step, r.timing.stepping_s, errors(results, r, m)["velocity"]) for r in runs)
+    return np.array(sorted(rows)).T
 
-    def draw(results: Results) -> plots.Figure:
+
+def of_steps(shown: list[Meeting], timed: list[Meeting], prefix: str = "") -> tuple[kit.Figure, kit.Figure]:
+    """Velocity error against the time step, one line for each meeting shown, with the observed order; and
+    the largest over the meetings timed against the seconds spent stepping.
+    """
+
+    def convergence(results: kit.Results) -> plots.Figure:
         figure, axes = plots.figure(height=4.2)
         ran = results.codes()
-        for k, m in enumerate(meetings):
+        for m, color in zip(shown, plots.SERIES, strict=False):
             for code in ran:
-                rows = _ladder(results, prefix, code, m)
-                order = measure.observed_order(rows[:, 0], rows[:, 2])
-                text = f"{m.label}: order {order:.2f}" if code == ran[0] else None
-                look = plots.line_or_marks(code, len(rows), color=plots.SERIES[k], label=text)
-                axes.loglog(rows[:, 0], rows[:, 2], **look)
+                step, _, error = _ladder(results, prefix, code, m)
+                text = f"{m.label}: order {observed_order(step, error):.2f}" if code == ran[0] else None
+                axes.loglog(step, error, **plots.line_or_marks(code, len(step), color=color, label=text))
         axes.set(xlabel="time step [s]", ylabel="largest velocity error / impact speed")
         plots.legend(axes, lines=ran, fontsize=7)
         return figure
 
-    return Figure(
-        "Error against time step",
-        "Largest velocity error against the exact motion. Damped impacts are first order, since the dashpot"
-        " sees half-step velocities; without damping the scheme is second order.",
-        draw,
-    )
-
-
-def work_precision(meetings: list[Meeting], prefix: str = "") -> Figure:
-    """Velocity error, largest over the meetings, against the seconds spent stepping."""
-
-    def draw(results: Results) -> plots.Figure:
+    def work_precision(results: kit.Results) -> plots.Figure:
         series = {}
         for code in results.codes():
-            rows = np.max([_ladder(results, prefix, code, m) for m in meetings], axis=0)
-            series[code] = (rows[:, 1], rows[:, 2])
+            _, seconds, error = np.max([_ladder(results, prefix, code, m) for m in timed], axis=0)
+            series[code] = (seconds, error)
         return plots.work_precision(series, ylabel="largest velocity error / impact speed")
 
-    return Figure(
-        "Error against stepping time",
-        "Run time for a given error. With so few particles this is the fixed cost of a step, not the speed of"
-        " a code on a large scene.",
-        draw, section="work_precision",
+    return (
+        kit.Figure(
+            "Error against time step",
+            "Largest velocity error against the exact motion. Damped impacts are first order, since the"
+            " dashpot sees half-step velocities; without damping the scheme is second order.",
+            convergence,
+        ),
+        kit.Figure(
+            "Error against stepping time",
+            "Run time for a given error. With so few particles this is the fixed cost of a step, not the"
+            " speed of a code on a large scene.",
+            work_precision, section="work_precision",
+        ),
     )  # fmt: skip
 
 
-def _ladder(results: Results, prefix: str, code: str, m: Meeting) -> np.ndarray:
-    """Rows of (step [s], stepping time [s], velocity error), by step."""
-    runs = [results[label, code] for label in results.labels(code, prefix=prefix)]
-    return np.array(
-        sorted((r.scene.time.step, r.timing.stepping_s, errors(results, r, m)["velocity"]) for r in runs)
-    )
-
-
-def observables_table(meetings: list[Meeting], prefix: str = "", limit_force: bool = False) -> Table:
+def observables_table(meetings: list[Meeting], prefix: str = "", limit_force: bool = False) -> kit.Table:
     """Peak overlap, contact time and rebound of the finest run of each code beside the closed forms."""
     names = {"peak_overlap": "peak overlap [m]", "contact_time": "contact time [s]", "rebound": "rebound [1]"}
-    return build.table(
+    return kit.table(
         "Peak overlap, contact time, rebound", "Finest time step; contact time: until the overlap is zero.",
         {name: closed_form_errors(meetings, key, limit_force, prefix) for key, name in names.items()},
     )  # fmt: skip

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from comparisons.cases.side_by_side import every_pair
+from comparisons import kit
+from comparisons.cases.side_by_side import Spheres, every_pair, traced
 from comparisons.cases.single_contact import checks, figures
 from comparisons.cases.single_contact.meetings import Meeting, ladder
-from comparisons.harness.case import Case, Tier, Variant
-from gpudem.scene import Domain, Explicit, Material, Output, Pair, Scene, Time
+from gpudem.scene import Material, Pair, Scene
 
 #: Restitution, approach speed [m/s] and direction of each pair; they differ to detect a wrong axis, or a
 #: damping that depends on speed.
@@ -32,30 +32,22 @@ DAMPED, ELASTIC = MEETINGS[:3], MEETINGS[3:]
 
 def scene(dt: float) -> Scene:
     """All pairs, `FLIGHT` before their touch."""
-    position, velocity, partners, pairs = [], [], [f"partner_{k}" for k in range(len(PAIRS))], []
+    rows, partners, pairs = Spheres(), [f"partner_{k}" for k in range(len(PAIRS))], []
     for k, (restitution, speed, direction) in enumerate(PAIRS):
         n, start = np.array(direction) / np.linalg.norm(direction), np.array([SPACING * k, 0.0, 0.0])
-        position += [start, start + (sum(RADII) + speed * FLIGHT) * n]
-        velocity += [0.75 * speed * n, -0.25 * speed * n]
+        apart = (sum(RADII) + speed * FLIGHT) * n
+        rows.add(start, 0.75 * speed * n, radius=RADII[0])
+        rows.add(start + apart, -0.25 * speed * n, radius=RADII[1], material=partners[k])
         pairs.append(Pair(materials=("ball", partners[k]), restitution=restitution))
-    return Scene(
-        name="head_on", title=f"head-on pairs, step {dt:.3g} s",
+    return traced(
+        "head_on", rows.explicit(angular_velocity=None), title=f"head-on pairs, step {dt:.3g} s",
         materials={"ball": BALL} | dict.fromkeys(partners, PARTNER),
-        pairs=every_pair(["ball", *partners], pairs),
-        particles=Explicit(
-            position=position, velocity=velocity, radius=RADII * len(PAIRS),
-            material=[name for partner in partners for name in ("ball", partner)],
-        ),
-        domain=Domain(lo=(-0.05, -0.05, -0.05), hi=(SPACING * len(PAIRS), 0.05, 0.05)),
-        time=Time(step=dt, duration=DURATION), output=Output(trace_every=dt),
+        pairs=every_pair(["ball", *partners], pairs), step=dt, duration=DURATION,
+        lo=(-0.05, -0.05, -0.05), hi=(SPACING * len(PAIRS), 0.05, 0.05),
     )  # fmt: skip
 
 
-def variants(tier: Tier) -> list[Variant]:
-    return [Variant(label, scene(dt), timed=True) for label, dt in ladder(tier, FLIGHT).items()]
-
-
-CASE = Case(
+CASE = kit.Case(
     name="head_on",
     title="Two spheres, head-on",
     purpose=(
@@ -66,15 +58,17 @@ CASE = Case(
         " first order with damping (the dashpot sees half-step velocities), at second order without."
     ),
     source="Closed forms: Hertz (1882), Antypov and Elliott (2011); ODE: DOP853, rtol 1e-13; LIGGGHTS.",
-    variants=variants,
+    variants=lambda tier: [
+        kit.Variant(label, scene(dt), timed=True) for label, dt in ladder(tier, FLIGHT).items()
+    ],
     checks=(
         *checks.step_by_step(MEETINGS, spin=False),
-        *checks.against_ode("damped", DAMPED, 1e-3, (0.85, 1.15), why=checks.FIRST_ORDER),
-        *checks.against_ode("elastic", ELASTIC, 2e-6, (1.85, 2.15), why=checks.SECOND_ORDER),
-        *checks.against_closed_forms("damped", DAMPED, 1e-3, why=checks.FIRST_ORDER),
-        *checks.against_closed_forms("elastic", ELASTIC, 2e-6, why=checks.SECOND_ORDER),
+        *checks.against_ode("damped", DAMPED, 1e-3, (0.85, 1.15), "", checks.FIRST_ORDER),
+        *checks.against_ode("elastic", ELASTIC, 2e-6, (1.85, 2.15), "", checks.SECOND_ORDER),
+        *checks.closed_forms("damped", DAMPED, 1e-3, "", checks.FIRST_ORDER),
+        *checks.closed_forms("elastic", ELASTIC, 2e-6, "", checks.SECOND_ORDER),
     ),
-    figures=(figures.overlay(MEETINGS), figures.convergence(MEETINGS), figures.work_precision(MEETINGS)),
+    figures=(figures.overlay(MEETINGS), *figures.of_steps(MEETINGS, MEETINGS)),
     tables=(figures.observables_table(MEETINGS),),
     features=("normal hertz", "damping", "several materials", "several radii", "sphere-sphere"),
     order=10,

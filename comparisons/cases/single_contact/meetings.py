@@ -6,8 +6,10 @@ import dataclasses
 
 import numpy as np
 
-from comparisons.harness.case import Results, Tier
+from comparisons import kit
 from comparisons.metrics import trace as measure
+from comparisons.metrics.contacts import nearest_image
+from comparisons.metrics.parting import period
 from comparisons.oracles import closed_forms
 from comparisons.oracles.impact import Impact, impact
 from gpudem.output.run import Run
@@ -33,24 +35,25 @@ class Meeting:
 RUNGS = {"quick": (121, 40, 13, 4), "standard": (364, 121, 40, 13, 4), "full": (364, 121, 40, 13, 4)}
 
 
-def ladder(tier: Tier, flight: float) -> dict[str, float]:
+def ladder(tier: kit.Tier, flight: float) -> dict[str, float]:
     """Label -> time step [s] of each rung, finest first, for impacts that all begin at `flight` [s]."""
     return {f"dt_{flight / (m + 0.5):.3g}": flight / (m + 0.5) for m in RUNGS[tier]}
 
 
-def exact(results: Results, scene: Scene, meeting: Meeting) -> Impact:
+def exact(results: kit.Results, scene: Scene, meeting: Meeting) -> Impact:
     """The oracle's solution, computed once per physics: the time step does not enter it."""
     physics = scene.replace(time={"step": 1.0, "duration": 1.0}, output={}, allow=["time_step"]).hash
     return results.once(("impact", meeting, physics), lambda: impact(scene, meeting.row, meeting.other))
 
 
 def overlap(run: Run, meeting: Meeting) -> np.ndarray:
-    """Overlap [m] of a meeting at every step of the trace."""
+    """Overlap [m] at every step of the trace, with the nearest image; of a plane also after its removal."""
     position, radius = run.trace["position"], run.scene.state.radius
     if isinstance(meeting.other, str):
         plane = next(p for p in run.scene.planes if p.name == meeting.other)
-        return measure.overlap_with_plane(position, meeting.row, plane.point, plane.normal, radius)
-    return measure.overlap_with_sphere(position, meeting.row, meeting.other, radius)
+        return radius[meeting.row] - plane.gap(position[:, meeting.row])
+    apart = nearest_image(position[:, meeting.row] - position[:, meeting.other], period(run.scene))
+    return radius[meeting.row] + radius[meeting.other] - np.linalg.norm(apart, axis=-1)
 
 
 def relative_velocity(run: Run, meeting: Meeting) -> np.ndarray:
@@ -59,39 +62,36 @@ def relative_velocity(run: Run, meeting: Meeting) -> np.ndarray:
     return velocity[:, meeting.row] - (0.0 if isinstance(meeting.other, str) else velocity[:, meeting.other])
 
 
-def observables(results: Results, run: Run, meeting: Meeting) -> dict[str, float]:
-    """Peak overlap [m], contact time [s] and rebound [1] as the run has them."""
-    time, deep = run.trace["time"], overlap(run, meeting)
+def against_closed_forms(
+    results: kit.Results, run: Run, m: Meeting, limit_force: bool
+) -> dict[str, kit.Measured]:
+    """Relative errors of peak overlap [m], contact time [s] and rebound [1] of an impact along the normal."""
+    truth, time, deep = exact(results, run.scene, m), run.trace["time"], overlap(run, m)
     begin, end = measure.contact_interval(time, deep)
-    normal = exact(results, run.scene, meeting).frame[0]
+    c, speed = truth.bodies, truth.speed
     return {
-        "peak_overlap": measure.peak(time, deep)[1],
-        "contact_time": end - begin,
-        "rebound": measure.rebound(relative_velocity(run, meeting), normal),
+        "peak_overlap": kit.relative(measure.peak(time, deep)[1], closed_forms.peak_overlap(c, speed)),
+        "contact_time": kit.relative(end - begin, closed_forms.contact_time(c, speed, limit_force)),
+        "rebound": kit.relative(
+            measure.rebound(relative_velocity(run, m), truth.frame[0]),
+            closed_forms.restitution(c, limit_force),
+        ),
     }
 
 
-def expected(truth: Impact, limit_force: bool) -> dict[str, float]:
-    """The same by closed forms, of an impact along the normal."""
-    return {
-        "peak_overlap": closed_forms.peak_overlap(truth.bodies, truth.speed),
-        "contact_time": closed_forms.contact_time(truth.bodies, truth.speed, limit_force),
-        "rebound": closed_forms.restitution(truth.bodies, limit_force),
-    }
-
-
-def errors(results: Results, run: Run, meeting: Meeting) -> dict[str, float]:
+def errors(results: kit.Results, run: Run, meeting: Meeting) -> dict[str, float]:
     """Largest differences from the ODE over all steps: position / peak overlap, velocity and R x spin /
     impact speed. Worked out once for each run: a check of each quantity and the figures ask for them.
     """
+
+    def compute() -> dict[str, float]:
+        truth, rows = exact(results, run.scene, meeting), meeting.rows
+        at, speed = truth.at(run.trace["time"]), float(np.hypot(truth.speed, truth.slip))
+        spin = speed / run.scene.state.radius[rows]
+        scales = {"position": truth.contact.peak_overlap, "velocity": speed, "angular_velocity": spin}
+        return {
+            k: measure.largest_difference(run.trace[k][:, rows], at[k], scale) for k, scale in scales.items()
+        }
+
     key = ("errors", run.code, run.directory, run.scene.hash, meeting)  # runs in memory have no directory
-    return results.once(key, lambda: _errors(results, run, meeting))
-
-
-def _errors(results: Results, run: Run, meeting: Meeting) -> dict[str, float]:
-    truth, trace = exact(results, run.scene, meeting), run.trace
-    at = truth.at(trace["time"])
-    radius = run.scene.state.radius[meeting.rows]
-    speed = float(np.hypot(truth.speed, truth.slip))
-    scale = {"position": truth.contact.peak_overlap, "velocity": speed, "angular_velocity": speed / radius}
-    return {k: measure.largest_difference(trace[k][:, meeting.rows], at[k], s) for k, s in scale.items()}
+    return results.once(key, compute)

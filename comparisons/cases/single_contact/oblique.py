@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 
-from comparisons.cases.side_by_side import floor
-from comparisons.cases.single_contact import figures, sliding
+from comparisons import kit
+from comparisons.cases.side_by_side import Spheres, floor, traced, turned
+from comparisons.cases.single_contact import figures
 from comparisons.cases.single_contact.checks import against_ode, step_by_step
-from comparisons.cases.single_contact.meetings import Meeting, ladder
-from comparisons.harness.case import Case, Tier, Variant
-from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Scene, Time
+from comparisons.cases.single_contact.meetings import Meeting, exact, ladder, relative_velocity
+from comparisons.oracles import closed_forms, contact_ode
+from comparisons.oracles.impact import Impact
+from comparisons.report import plots
+from gpudem.output.run import Run
+from gpudem.scene import Contact, Material, Pair, Scene
 
 FRICTION, SPEED, SPACING = 0.3, 1.0, 0.03
 #: Time of the touch and of the run [s]; a contact takes some 60e-6 s.
@@ -59,76 +62,135 @@ MEETINGS = [
     Meeting(t.what, k, "floor") if k < N_WALL else Meeting(t.what, 2 * k - N_WALL, 2 * k - N_WALL + 1)
     for k, t in enumerate(THROWS)
 ]
-SLIDING = [MEETINGS[k] for k, t in enumerate(THROWS[:N_WALL]) if "slides" in t.what]
-
-
-def _particles() -> Explicit:
-    """Every throw `FLIGHT` before its touch, each with its own direction in space."""
-    rows: list[tuple[np.ndarray, np.ndarray, np.ndarray, float, str]] = []
-    for k, throw in enumerate(THROWS):
-        pair, turn, tilt = throw.partner_spin is not None, 0.7 * k, 0.4 + 0.5 * k
-        normal, tangent = np.array([0.0, 0.0, 1.0]), np.array([math.cos(turn), math.sin(turn), 0.0])
-        if pair:  # normal and tangent are tilted together: no component is along an axis
-            normal, tangent = (
-                math.cos(tilt) * normal + math.sin(tilt) * tangent,
-                math.cos(tilt) * tangent - math.sin(tilt) * normal,
-            )
-        place, axis = np.array([SPACING * k, 0.0, SPACING if pair else RADIUS]), np.cross(normal, tangent)
-        velocity, share = -SPEED * normal + throw.tangential * tangent, 0.8 if pair else 1.0
-        name = f"{'hit' if pair else 'ball'}_{throw.restitution:g}".replace(".", "p")
-        spin = throw.spin / RADIUS * axis
-        rows.append((place - share * FLIGHT * velocity, share * velocity, spin, RADIUS, name))
-        if throw.partner_spin is not None:
-            partner, away = place - (RADIUS + PARTNER_RADIUS) * normal, (share - 1.0) * velocity
-            spin = throw.partner_spin / PARTNER_RADIUS * axis
-            rows.append((partner - FLIGHT * away, away, spin, PARTNER_RADIUS, name))
-    position, velocity, spin, radius, material = zip(*rows, strict=True)
-    return Explicit(
-        position=position, velocity=velocity, angular_velocity=spin, radius=radius, material=list(material)
-    )
+WALL_MEETINGS = MEETINGS[:N_WALL]
+SLIDING = [m for m in WALL_MEETINGS if "slides" in m.label]
+ELASTIC = [m for m in MEETINGS if "elastic" in m.label and not m.label.endswith("sticks")]
+DAMPED = [m for m in MEETINGS if "elastic" not in m.label]
+SHOWN = [MEETINGS[k] for k in (1, 2, 5, 6, 8, 12)]
+#: LIGGGHTS' default law, and the options under which its friction obeys Coulomb's law as an impulse.
+OPTIONS = {"default": Contact(), "coulomb": Contact(limit_force=True, tangential_damping=False)}
 
 
 def scene(contact: Contact, dt: float) -> Scene:
-    """All throws, `FLIGHT` before their touch."""
+    """Every throw `FLIGHT` before its touch, each with its own direction in space."""
+    rows = Spheres()
+    for k, throw in enumerate(THROWS):
+        pair = throw.partner_spin is not None
+        # normal and tangent of pairs are tilted together: no component is along an axis
+        normal, tangent = turned(0.7 * k, 0.4 + 0.5 * k if pair else 0.0)
+        place, axis = np.array([SPACING * k, 0.0, SPACING if pair else RADIUS]), np.cross(normal, tangent)
+        velocity, share = -SPEED * normal + throw.tangential * tangent, 0.8 if pair else 1.0
+        name = f"{'hit' if pair else 'ball'}_{throw.restitution:g}".replace(".", "p")
+        at = place - share * FLIGHT * velocity
+        rows.add(at, share * velocity, throw.spin / RADIUS * axis, RADIUS, name)
+        if throw.partner_spin is not None:
+            away, spin = (share - 1.0) * velocity, throw.partner_spin / PARTNER_RADIUS * axis
+            at = place - (RADIUS + PARTNER_RADIUS) * normal - FLIGHT * away
+            rows.add(at, away, spin, PARTNER_RADIUS, name)
     names = {"ball_1": 1.0, "ball_0p6": 0.6, "hit_1": 1.0, "hit_0p6": 0.6}
     tables = [(n, "wall") for n in names] + [(a, b) for k, a in enumerate(names) for b in list(names)[k:]]
-    return Scene(
-        name="oblique", title=f"oblique impacts, step {dt:.3g} s",
-        materials=dict.fromkeys(names, BALL) | {"wall": WALL}, contact=contact,
+    return traced(
+        "oblique", rows.explicit(), title=f"oblique impacts, step {dt:.3g} s", contact=contact,
+        materials=dict.fromkeys(names, BALL) | {"wall": WALL}, walls=[floor("wall")],
         pairs=[Pair(materials=pair, restitution=names[pair[0]], friction=FRICTION) for pair in tables],
-        particles=_particles(), walls=[floor("wall")],
-        domain=Domain(lo=(-0.05, -0.05, -0.001), hi=(SPACING * len(THROWS) + 0.05, 0.05, 0.1)),
-        time=Time(step=dt, duration=DURATION), output=Output(trace_every=dt),
+        step=dt, duration=DURATION, lo=(-0.05, -0.05, -0.001), hi=(SPACING * len(THROWS) + 0.05, 0.05, 0.1),
     )  # fmt: skip
 
 
-#: LIGGGHTS' default law, and the options under which its friction obeys Coulomb's law as an impulse.
-OPTIONS = {
-    "default": Contact(),
-    "coulomb": Contact(limit_force=True, tangential_damping=False),
-}
+# -- loss by friction: Coulomb's limit mu (1 + e) v_n, and a map of the slip ---------------------------------
 
 
-def variants(tier: Tier) -> list[Variant]:
-    steps = ladder(tier, FLIGHT).items()
-    return [
-        Variant(f"{name}_{label}", scene(c, dt), timed=name == "default")
-        for name, c in OPTIONS.items()
-        for label, dt in steps
-    ]
+def changes(results: kit.Results, run: Run, m: Meeting) -> tuple[float, float]:
+    """Change of (tangential velocity [m/s], spin [rad/s]) of a sphere on a wall, along the oracle's axes."""
+    frame = exact(results, run.scene, m).frame
+    velocity, spin = relative_velocity(run, m), run.trace["angular_velocity"][:, m.row]
+    return float((velocity[-1] - velocity[0]) @ frame[1]), float((spin[-1] - spin[0]) @ frame[2])
 
 
-WALL_MEETINGS = MEETINGS[:N_WALL]
-ELASTIC = [MEETINGS[k] for k, t in enumerate(THROWS) if t.restitution == 1 and not t.what.endswith("sticks")]
-DAMPED = [MEETINGS[k] for k, t in enumerate(THROWS) if t.restitution < 1]
-SHOWN = [MEETINGS[k] for k in (1, 2, 5, 6, 8, 12)]
+def sliding_checks(
+    what: str, meetings: list[Meeting], prefix: str, limit_force: bool, tolerance: float, reason: str
+) -> tuple[kit.PerCode, ...]:
+    """Per code: velocity and spin after gross sliding, largest relative error of their changes, by the closed
+    form with the lever arm R - overlap/2.
+    """
+
+    def error(results: kit.Results, code: str, k: int) -> dict[str, kit.Measured]:
+        run, found = results[results.finest(prefix), code], {}
+        for m in meetings:
+            t = exact(results, run.scene, m)
+            push, turn = closed_forms.sliding_rebound(t.bodies, t.speed, t.slip, limit_force)
+            # the oracle's e3 = normal x slip: spin that adds to the slip is negative
+            found[m.label] = kit.relative(changes(results, run, m)[k], (push, -turn)[k])
+        return found
+
+    return tuple(
+        kit.per_code(
+            f"{what}: {quantity} in gross sliding, relative error",
+            lambda results, code, k=k: error(results, code, k),
+            tolerance=tolerance, against="closed form", reason=reason,
+            catches="friction not capped at mu F_n, a dashpot on top of the cap, a wrong inertia",
+        )
+        for k, quantity in enumerate(("tangential velocity lost", "spin gained"))
+    )  # fmt: skip
+
+
+SLIPS = np.geomspace(0.02, 3.2, 25)
+
+
+def _lost(truth: Impact, contact: Contact) -> np.ndarray:
+    """Tangential velocity lost [m/s] for each slip speed, by the ODE."""
+    law, lost = contact_ode.Law(True, contact.limit_force, contact.tangential_damping), []
+    for slip in SLIPS:
+        start = np.zeros(11)
+        start[2], start[3] = -truth.speed, slip
+        lost.append(slip - contact_ode.solve(truth.bodies, law, start, rtol=1e-10).final[3])
+    return np.array(lost)
+
+
+def _map(results: kit.Results) -> plots.Figure:
+    figure, axes = plots.figure(width=plots.WHOLE, height=4.2)
+    colors = iter(plots.SERIES)
+    for prefix, contact in OPTIONS.items():
+        label = results.finest(prefix)
+        ran = results.codes(label)
+        solved = {m: exact(results, results[label, ran[0]].scene, m) for m in WALL_MEETINGS}
+        for e in (1.0, 0.6):
+            group = {m: t for m, t in solved.items() if t.bodies.restitution == e}
+            truth = next(iter(group.values()))
+            unit = truth.bodies.friction * truth.speed
+            lost = results.once(("map", prefix, e), lambda t=truth, law=contact: _lost(t, law))
+            exactly = SLIPS / unit, lost / (unit * (1 + e))
+            slips, found = [t.slip / unit for t in group.values()], {}
+            for code in ran:
+                got = np.array([-changes(results, results[label, code], m)[0] for m in group])
+                found[code] = slips, got / (unit * (1 + e))
+            plots.exact_and_marks(axes, None, exactly, found, next(colors), f"{prefix}, e = {e:g}")
+    axes.axhline(1, color="0.6", lw=1, ls=":")
+    axes.set(xscale="log", xlabel="slip speed / (mu v_n)", ylabel="velocity lost / (mu (1 + e) v_n)")
+    plots.legend(axes, points=results.codes())
+    return figure
+
+
+def _after(results: kit.Results, code: str, k: int) -> dict[str, kit.Measured]:
+    """Change of velocity (k = 0) or spin (1) in each impact on the wall, with what the contact does in it."""
+    found = {}
+    for prefix in OPTIONS:
+        run = results[results.finest(prefix), code]
+        for m in WALL_MEETINGS:
+            contact, got = exact(results, run.scene, m).contact, changes(results, run, m)[k]
+            want = float((contact.final - contact.state(0.0))[3 + k])
+            phases = " ".join(phase.mode for phase in contact.phases)
+            found[f"{prefix}, {m.label}: {phases}"] = kit.Measured(abs(got - want), got, want)
+    return found
+
+
 FIRST_ORDER = (
     "the dashpots see half-step velocities, and sticking and slip begin at whole steps: first order, about"
     " 1/steps; scattered if the normal force changes sign during slip, by where in a step it does"
 )
 SECOND_ORDER = "no dashpot, and slip from the first touch: second order, about 1.5/steps^2"
 
-CASE = Case(
+CASE = kit.Case(
     name="oblique",
     title="Oblique impacts with friction and spin",
     purpose=(
@@ -141,29 +203,49 @@ CASE = Case(
         " the limit; with limit_force on and tangential_damping off it takes mu (1 + e) v_n."
     ),
     source="The law of LIGGGHTS' manual (hertz, tangential history) by DOP853; Coulomb's line.",
-    variants=variants,
+    variants=lambda tier: [
+        kit.Variant(f"{name}_{label}", scene(contact, dt), timed=name == "default")
+        for name, contact in OPTIONS.items()
+        for label, dt in ladder(tier, FLIGHT).items()
+    ],
     checks=(
         *step_by_step(MEETINGS, spin=True),
         *against_ode("default, damped", DAMPED, 2e-3, (0.75, 1.5), "default", FIRST_ORDER),
         *against_ode("coulomb, damped", DAMPED, 1e-3, (0.85, 1.15), "coulomb", FIRST_ORDER),
         *against_ode("elastic, slips at once", ELASTIC, 3e-6, (1.85, 2.15), "default", SECOND_ORDER),
-        *sliding.sliding_checks(
+        *sliding_checks(
             "elastic", SLIDING[:2], "default", False, 1e-8,
             "friction is mu F_n at every step, so that the impulse is exact; the overlap leaves 1e-9",
         ),
-        *sliding.sliding_checks(
+        *sliding_checks(
             "e = 0.6, coulomb options", SLIDING[2:], "coulomb", True, 5e-3,
             "the normal dashpot makes the first touch stick until the spring is loaded, so that the exact"
             " law itself is some 0.3 % off Coulomb's limit, at any step",
         ),
     ),
     figures=(
-        sliding.rebound_map(WALL_MEETINGS, {"default": (False, True), "coulomb": (True, False)}),
+        kit.Figure(
+            "Tangential velocity lost in an oblique impact",
+            "Lines: the exact law; dotted: Coulomb's limit. With the default options a damped impact loses"
+            " more than Coulomb's law allows: the contact pulls late in the rebound, the friction limit is"
+            " mu |F_n| then too, and the dashpot is added after the limit. With limit_force on and"
+            " tangential_damping off the loss is Coulomb's, for the restitution that limit_force gives.",
+            _map,
+        ),
         figures.overlay(SHOWN, "default", 1),
-        figures.convergence(SHOWN, "default"),
-        figures.work_precision(MEETINGS, "default"),
+        *figures.of_steps(SHOWN, MEETINGS, "default"),
     ),
-    tables=(sliding.rebound_table(WALL_MEETINGS, ("default", "coulomb")),),
+    tables=(
+        kit.table(
+            "Oblique impacts on the wall",
+            "Finest step; along the slip and about normal x slip, and the phases of the contact by the ODE.",
+            {
+                "velocity change [m/s]": lambda results, code: _after(results, code, 0),
+                "spin change [rad/s]": lambda results, code: _after(results, code, 1),
+            },
+            reference="ODE",
+        ),
+    ),
     features=(
         "normal hertz", "damping", "limit_force", "tangential history", "tangential damping", "rotation",
         "several radii", "several materials", "wall plane", "sphere-sphere",

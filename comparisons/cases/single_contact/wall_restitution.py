@@ -4,12 +4,12 @@
 
 from __future__ import annotations
 
-from comparisons.cases.side_by_side import every_pair, floor
+from comparisons import kit
+from comparisons.cases.side_by_side import Spheres, every_pair, floor, plane, traced
 from comparisons.cases.single_contact import checks, figures
 from comparisons.cases.single_contact.checks import FIRST_ORDER
 from comparisons.cases.single_contact.meetings import Meeting, ladder
-from comparisons.harness.case import Case, Tier, Variant
-from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
+from gpudem.scene import Contact, Material, Pair, Scene
 
 #: Restitution, speed [m/s] and wall of each sphere: two walls that face along +z and -x, so that a sign
 #: shows.
@@ -27,36 +27,25 @@ DAMPED, ELASTIC = MEETINGS[:3], MEETINGS[3:]
 
 def scene(limit_force: bool, dt: float) -> Scene:
     """All spheres, `FLIGHT` before their touch."""
-    reach, names = SPACING * len(SPHERES), [f"ball_{k}" for k in range(len(SPHERES))]
-    position, velocity, pairs = [], [], []
-    for k, (restitution, speed, wall) in enumerate(SPHERES):
+    rows, reach, names = Spheres(), SPACING * len(SPHERES), [f"ball_{k}" for k in range(len(SPHERES))]
+    for k, (_, speed, wall) in enumerate(SPHERES):
         gap = RADIUS + speed * FLIGHT
-        position.append((SPACING * k, 0.0, gap) if wall == "floor" else (reach - gap, 0.0, SPACING * (k + 1)))
-        velocity.append((0.0, 0.0, -speed) if wall == "floor" else (speed, 0.0, 0.0))
-        pairs.append(Pair(materials=(names[k], "wall"), restitution=restitution))
-    option = "limit_force" if limit_force else "default"
-    return Scene(
-        name="wall_restitution", title=f"spheres on planes, {option}, step {dt:.3g} s",
+        if wall == "floor":
+            rows.add((SPACING * k, 0.0, gap), (0.0, 0.0, -speed))
+        else:
+            rows.add((reach - gap, 0.0, SPACING * (k + 1)), (speed, 0.0, 0.0))
+    pairs = [Pair(materials=(n, "wall"), restitution=s[0]) for n, s in zip(names, SPHERES, strict=True)]
+    return traced(
+        "wall_restitution", rows.explicit(angular_velocity=None, radius=RADIUS, material=names),
+        title=f"spheres on planes, {'limit_force' if limit_force else 'default'}, step {dt:.3g} s",
         materials=dict.fromkeys(names, BALL) | {"wall": WALL}, pairs=every_pair(names, pairs),
         contact=Contact(limit_force=limit_force),
-        particles=Explicit(position=position, velocity=velocity, radius=RADIUS, material=names),
-        walls=[floor("wall"), Plane(name="side", material="wall", point=(reach, 0, 0), normal=(-1, 0, 0))],
-        domain=Domain(lo=(-0.05, -0.05, -0.001), hi=(reach + 0.001, 0.05, reach + 0.05)),
-        time=Time(step=dt, duration=DURATION), output=Output(trace_every=dt),
+        walls=[floor("wall"), plane("side", (reach, 0, 0), (-1, 0, 0))], step=dt, duration=DURATION,
+        lo=(-0.05, -0.05, -0.001), hi=(reach + 0.001, 0.05, reach + 0.05),
     )  # fmt: skip
 
 
-def variants(tier: Tier) -> list[Variant]:
-    steps = ladder(tier, FLIGHT).items()
-    options = {"default": False, "limited": True}
-    return [
-        Variant(f"{name}_{label}", scene(on, dt), timed=name == "default")
-        for name, on in options.items()
-        for label, dt in steps
-    ]
-
-
-CASE = Case(
+CASE = kit.Case(
     name="wall_restitution",
     title="A sphere on a plane",
     purpose=(
@@ -67,20 +56,23 @@ CASE = Case(
         " a code does; both are shown here, for each code."
     ),
     source="Hertz (1882); Antypov and Elliott (2011); Schwager and Poeschel (2007), limit_force.",
-    variants=variants,
+    variants=lambda tier: [
+        kit.Variant(f"{name}_{label}", scene(name == "limited", dt), timed=name == "default")
+        for name in ("default", "limited")
+        for label, dt in ladder(tier, FLIGHT).items()
+    ],
     checks=(
         *checks.step_by_step(MEETINGS, spin=False),
         *checks.against_ode("default, damped", DAMPED, 1e-3, (0.85, 1.15), "default", FIRST_ORDER),
         *checks.against_ode("limit_force, damped", DAMPED, 1e-3, (0.85, 1.15), "limited", FIRST_ORDER),
         *checks.against_ode("elastic", ELASTIC, 2e-6, (1.85, 2.15), "default", checks.SECOND_ORDER),
-        *checks.against_closed_forms("default, damped", DAMPED, 1e-3, False, "default", FIRST_ORDER),
-        *checks.against_closed_forms("limit_force, damped", DAMPED, 1e-3, True, "limited", FIRST_ORDER),
+        *checks.closed_forms("default, damped", DAMPED, 1e-3, "default", FIRST_ORDER),
+        *checks.closed_forms("limit_force, damped", DAMPED, 1e-3, "limited", FIRST_ORDER, limit_force=True),
     ),
     figures=(
         figures.overlay(MEETINGS, "default", title="Default: tensile force at the end"),
         figures.overlay(MEETINGS, "limited", title="limit_force: no tensile force"),
-        figures.convergence(MEETINGS, "default"),
-        figures.work_precision(MEETINGS, "default"),
+        *figures.of_steps(MEETINGS, MEETINGS, "default"),
     ),
     tables=(
         figures.observables_table(MEETINGS, "default"),

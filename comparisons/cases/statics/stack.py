@@ -6,13 +6,12 @@ import math
 
 import numpy as np
 
-from comparisons.cases.side_by_side import every_pair, floor
-from comparisons.harness import check_builders as build
-from comparisons.harness.case import Case, Figure, Measured, Results, Tier, Variant, relative
+from comparisons import kit
+from comparisons.cases.side_by_side import every_pair, floor, traced
 from comparisons.oracles.bodies import Bodies, bodies
 from comparisons.report import plots
 from gpudem.output.run import Run
-from gpudem.scene import Domain, Explicit, Material, Output, Scene, Time
+from gpudem.scene import Explicit, Material, Scene
 
 GRAVITY = 9.81
 #: Each column from below: radius [m] and material of each sphere.
@@ -43,20 +42,13 @@ def scene(restitution: float, step: float, duration: float, every: float) -> Sce
         for n in range(len(column))
     ]
     spheres = [sphere for column in COLUMNS for sphere in column]
-    return Scene(
-        name="stack", materials=MATERIALS, pairs=every_pair(list(MATERIALS), [], restitution=restitution),
-        particles=Explicit(
-            position=position, radius=[r for r, _ in spheres], material=[name for _, name in spheres]
-        ),
-        gravity=(0.0, 0.0, -GRAVITY), walls=[floor("wall")],
-        domain=Domain(lo=(-0.02, -0.02, -0.001), hi=(SPACING * len(COLUMNS), 0.02, 0.08)),
-        time=Time(step=step, duration=duration), output=Output(trace_every=every),
+    radius, material = ([sphere[k] for sphere in spheres] for k in (0, 1))
+    return traced(
+        "stack", Explicit(position=position, radius=radius, material=material), materials=MATERIALS,
+        pairs=every_pair(list(MATERIALS), [], restitution=restitution), gravity=(0.0, 0.0, -GRAVITY),
+        walls=[floor("wall")], step=step, duration=duration, every=every,
+        lo=(-0.02, -0.02, -0.001), hi=(SPACING * len(COLUMNS), 0.02, 0.08),
     )  # fmt: skip
-
-
-def variants(tier: Tier) -> list[Variant]:
-    settled = Variant(SETTLED, scene(0.1, STEP, SETTLE_TIME, 4e-3))
-    return [settled, *(Variant(k, scene(1.0, dt, ELASTIC_TIME, 2e-5)) for k, dt in ELASTIC.items())]
 
 
 def contacts(stated: Scene) -> list[tuple[int, int | str, Bodies, float]]:
@@ -80,21 +72,19 @@ def overlap(run: Run, above: int, below: int | str) -> np.ndarray:
     return radius[above] + radius[below] - (z[:, above] - z[:, below])
 
 
-def overlaps(results: Results, code: str) -> dict[str, Measured]:
-    """Relative error of each settled overlap against (weight above / k)^(2/3)."""
+def overlaps(results: kit.Results, code: str) -> dict[str, kit.Measured]:
     run, found = results[SETTLED, code], {}
     for above, below, c, weight in contacts(run.scene):
         lower = below if isinstance(below, str) else f"sphere {below + 1}"
         got = float(overlap(run, above, below)[-1])
-        found[f"sphere {above + 1} on {lower}"] = relative(got, (weight / c.normal_constant) ** (2 / 3))
+        found[f"sphere {above + 1} on {lower}"] = kit.relative(got, (weight / c.normal_constant) ** (2 / 3))
     return found
 
 
-def base_load(results: Results, code: str) -> dict[str, Measured]:
-    """Relative difference of the force on the floor, k overlap^1.5, and the weight of each column."""
+def base_load(results: kit.Results, code: str) -> dict[str, kit.Measured]:
     run = results[SETTLED, code]
     return {
-        f"sphere {above + 1}": relative(c.normal_constant * overlap(run, above, below)[-1] ** 1.5, weight)
+        f"sphere {above + 1}": kit.relative(c.normal_constant * overlap(run, above, below)[-1] ** 1.5, weight)
         for above, below, c, weight in contacts(run.scene)
         if below == "floor"
     }
@@ -113,12 +103,11 @@ def energy(run: Run) -> np.ndarray:
 
 
 def drift(run: Run) -> np.ndarray:
-    """Change of the total energy over time, by the largest kinetic energy."""
     mass = np.array([c.mass[0] for _, _, c, _ in contacts(run.scene)])
     return np.abs(energy(run)) / float((0.5 * (run.trace["velocity"] ** 2).sum(axis=2) @ mass).max())
 
 
-def _figure(results: Results) -> plots.Figure:
+def _figure(results: kit.Results) -> plots.Figure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
     ran, first = results.codes(), 0
     rest = {code: list(overlaps(results, code).values()) for code in ran}
@@ -140,7 +129,7 @@ def _figure(results: Results) -> plots.Figure:
     return figure
 
 
-CASE = Case(
+CASE = kit.Case(
     name="stack",
     title="Columns under their own weight",
     purpose=(
@@ -150,10 +139,13 @@ CASE = Case(
         " columns oscillate forever, and the sum of kinetic, elastic and potential energy is conserved."
     ),
     source="Statics with Hertz (1882); energy: as in LAMMPS' unittest/granular, stack_energy.",
-    variants=variants,
+    variants=lambda tier: [
+        kit.Variant(SETTLED, scene(0.1, STEP, SETTLE_TIME, 4e-3)),
+        *(kit.Variant(k, scene(1.0, dt, ELASTIC_TIME, 2e-5)) for k, dt in ELASTIC.items()),
+    ],
     checks=(
         *(
-            build.step_by_step(
+            kit.step_by_step(
                 f"{column} / {unit}, largest difference over the traces", column, scale,
                 tolerance=1e-9, reason="same law, same scheme: rounding, over 120 000 steps in contact",
                 catches="an effective mass or radius mixed up between unlike spheres",
@@ -164,7 +156,7 @@ CASE = Case(
             )
         ),
         *(
-            build.per_code(
+            kit.per_code(
                 name, measure, tolerance=1e-6, against="closed form", catches=catches,
                 reason="settled: the rest of the oscillation; at rest the step has no influence",
             )
@@ -175,14 +167,14 @@ CASE = Case(
                  "a force that is not opposite on both sides of a contact"),
             )
         ),
-        build.per_code(
+        kit.per_code(
             "elastic: change of the total energy / largest kinetic energy",
             lambda results, code: float(drift(results[results.finest("elastic"), code]).max()),
             tolerance=1e-4, against="conservation",
             reason="velocity Verlet: bounded and of second order in the step",
             catches="an integrator of first order, which adds or removes energy",
         ),
-        build.observed_order(
+        kit.observed_order(
             "elastic: observed order of that change in the time step",
             lambda results, label, code: float(np.abs(energy(results[label, code])).max()),
             (1.8, 2.2), prefix="elastic", against="conservation", reason="velocity Verlet",
@@ -190,7 +182,7 @@ CASE = Case(
         ),
     ),
     figures=(
-        Figure(
+        kit.Figure(
             "Overlaps at rest, and energy of the elastic columns",
             "Left: closed form (lines); in the mixed column the overlaps change with radius and modulus."
             " Right: a quarter of the change for half the step, and no drift.",
@@ -198,7 +190,7 @@ CASE = Case(
         ),
     ),
     tables=(
-        build.table("Overlaps at rest", "Each contact.", {"overlap [m]": overlaps}, rows="contact"),
+        kit.table("Overlaps at rest", "Each contact.", {"overlap [m]": overlaps}, rows="contact"),
     ),
     features=(
         "normal hertz", "damping", "gravity", "wall plane", "several radii", "several materials",
