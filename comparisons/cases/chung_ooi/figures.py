@@ -47,7 +47,7 @@ def curves(
                 for column, name in wanted.items():
                     points = np.array(published()[table].get(column, []))
                     if len(points) and "Kharaz" in column:
-                        plots.points(ax, *points.T, "experiment", label=name)
+                        plots.points(ax, points[:, 0], points[:, 1], "experiment", label=name)
                     elif len(points):
                         color = {"color": "#cc79a7"} if "FEM" in column else {}
                         ax.plot(*points.T, **{**READ, **color}, **POINTS[k], label=name)

@@ -70,12 +70,10 @@ def table(of: Encounters) -> kit.Table:
             first = results[label, codes[0]]
             parts = exact(results, first.scene, encounter).impacts
             modes = (" ".join(phase.mode for phase in part.contact.phases) for _, part in parts)
+            found = {code: errors(results, results[label, code], encounter).value for code in codes}
             row = {"scene": label, "encounter": encounter.what, "contacts [us]": _contacts(first, encounter)}
             row["stick and slip"] = " | ".join(modes)
-            for code in codes:
-                found = errors(results, results[label, code], encounter)
-                row[f"{plots.name(code)}: error / impact speed"] = found.value
-            rows.append(row)
+            rows.append(row | {f"{plots.name(c)}: error / impact speed": error for c, error in found.items()})
         return rows
 
     return kit.Table(

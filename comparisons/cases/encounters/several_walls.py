@@ -63,8 +63,9 @@ def gate() -> Scene:
     rows.throw(SLIPS, (0.0, SPACING, SPACING), turned(1.4, 0.9), radii=(RADIUS, PARTNER_RADIUS))
     velocity = np.array([0.6, 0.5, -0.8])
     place = np.array([GATE_AT - RADIUS, -SPACING, RADIUS]) - FLIGHT * velocity
-    rows.add(place, velocity, (100.0, 50.0, -80.0), material=SLIPS.material)
-    pairs = [Pair(materials=(SLIPS.material,) * 2, restitution=0.6, friction=throws.FRICTION)]
+    ball = SLIPS.material
+    rows.add(place, velocity, (100.0, 50.0, -80.0), material=ball)
+    pairs = [Pair(materials=(ball, ball), restitution=0.6, friction=throws.FRICTION)]
     walls = [plane("gate", (GATE_AT, 0.0, 0.0), (-1.0, 0.0, 0.0), removed_at=REMOVED), FLOOR]
     return throws.scene("gate", rows, [SLIPS], "wall", pairs=pairs, walls=walls, steps=425)
 

@@ -99,7 +99,7 @@ def scene(
     stated = [
         Pair(materials=(ball, partner or ball), restitution=e, friction=FRICTION) for ball, e in balls.items()
     ]
-    box = {"lo": (-size, -size, -size), "hi": (size, size, size)} | more
+    box: dict[str, Any] = {"lo": (-size, -size, -size), "hi": (size, size, size)} | more
     return traced(
         name, rows.explicit(), materials=used, pairs=every_pair(list(used), [*stated, *pairs]),
         step=STEP, duration=steps * STEP, **box,

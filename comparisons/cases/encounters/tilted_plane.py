@@ -46,8 +46,8 @@ def scene(name: str, rotation: np.ndarray, length: float) -> Scene:
 
 def turned_back(results: kit.Results, code: str, other: str) -> dict[str, float]:
     tilted, straight = results["tilted", code], results["across_z", other]
-    back = {column: values @ turn() for column, values in tilted.trace.items() if values.ndim == 3}
-    return differences(back, straight.trace, straight.scene.state.radius)
+    back = {column: tilted.trace[column] @ turn() for column in ("velocity", "angular_velocity")}
+    return differences(back, straight.trace or {}, straight.scene.state.radius)
 
 
 def against_itself(code: str) -> tuple[kit.Check, ...]:

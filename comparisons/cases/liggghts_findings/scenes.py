@@ -14,6 +14,7 @@ RADIUS = 0.003
 BALL = Material(young=5e6, poisson=0.34, density=1768.0)
 WALL = Material(young=3.2e9, poisson=0.37, density=1190.0)
 FLOOR = floor("wall")
+CUBE = Domain(lo=(-0.03, -0.03, -0.03), hi=(0.03, 0.03, 0.03))
 #: Speed of the first impact of the hopping ball [m/s].
 HOP = 0.2
 #: Impacts in gross sliding: restitution of each sphere, its normal and tangential speed [m/s], friction.
@@ -41,7 +42,7 @@ def _scene(name: str, position, velocity, *, steps: int, every: int = 1, e=0.5, 
         particles=Explicit(
             position=position, velocity=velocity, angular_velocity=spin, radius=RADIUS, material="ball"
         ),
-        domain=Domain(lo=(-0.03,) * 3, hi=(0.03,) * 3), time=Time(step=step, duration=steps * step),
+        domain=CUBE, time=Time(step=step, duration=steps * step),
         output=Output(trace_every=every * step, history_every=every * step), **more,
     )  # fmt: skip
 
