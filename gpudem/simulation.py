@@ -21,7 +21,7 @@ from gpudem.errors import GpudemError
 from gpudem.output import observables
 from gpudem.output.view import DeviceView, View
 from gpudem.scene import Scene
-from gpudem.scene.sections import Wall
+from gpudem.scene.walls import Wall
 from gpudem.solver.by_id import gather_by_id, position_by_id, scatter_by_id, set_body_by_id
 from gpudem.solver.device import compile_kernels
 from gpudem.solver.solver import Solver
@@ -125,17 +125,13 @@ class Simulation:
         solver.write_step()
 
     def _removals(self) -> set[int]:
-        return {self.scene.steps(w.removed_at) for w in self.scene.wall_elements if w.removed_at is not None}
+        return set(self.scene.wall_changes)
 
     def _present(self) -> list[Wall]:
         """The walls that are there in the step to come."""
         here = self._solver.step_count
         # mutate: walls_of_next_step
-        return [
-            wall
-            for wall in self.scene.wall_elements
-            if wall.removed_at is None or self.scene.steps(wall.removed_at) > here
-        ]
+        return [wall for wall in self.scene.wall_elements if self.scene.is_present(wall, here)]
 
     # -- reading and writing -------------------------------------------------------------------------------
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from gpudem.scene.sections import Wall
+    from gpudem.scene.walls import Wall
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from comparisons.metrics import contacts
 from comparisons.metrics.growth import first_beyond
 from gpudem.scene import Scene
-from gpudem.scene.sections import Wall
+from gpudem.scene.walls import Wall
 
 Trace = Mapping[str, np.ndarray]
 

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from gpudem.errors import SceneError
 from gpudem.scene import Plane, Scene
-from gpudem.scene.sections import Side, Wall
+from gpudem.scene.walls import Side, Wall
 
 SIDES: tuple[Side, ...] = ("xlo", "xhi", "ylo", "yhi", "zlo", "zhi")
 #: Shortest period of a vibrating wall by the duration of the run: times must resolve the phase of the wall.

@@ -12,7 +12,7 @@ from gpudem.output.atomic import WriteError, replacing
 from gpudem.output.directory import FRAMES
 from gpudem.output.vtu import PVD, Frame, read_pvd, read_vtu, write_pvd, write_vtu
 from gpudem.scene import Scene
-from gpudem.scene.sections import Wall
+from gpudem.scene.walls import Wall
 
 
 def _walls_mesh(walls: list[Wall], lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

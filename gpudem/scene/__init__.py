@@ -1,9 +1,9 @@
 """The statement of a simulation: `Scene` and its sections. No Warp here."""
 
 from gpudem.errors import SceneError
+from gpudem.scene.mesh import Mesh
 from gpudem.scene.model import Scene
 from gpudem.scene.sections import (
-    Box,
     Contact,
     Domain,
     Explicit,
@@ -13,13 +13,11 @@ from gpudem.scene.sections import (
     Needs,
     Output,
     Pair,
-    Plane,
     RadiusShare,
-    Side,
     Solver,
     Time,
-    Vibration,
 )
+from gpudem.scene.walls import Box, Plane, Side, Vibration, WallContact
 
 __all__ = [
     "Box",
@@ -29,6 +27,7 @@ __all__ = [
     "FromFile",
     "Lattice",
     "Material",
+    "Mesh",
     "Needs",
     "Output",
     "Pair",
@@ -40,4 +39,5 @@ __all__ = [
     "Solver",
     "Time",
     "Vibration",
+    "WallContact",
 ]

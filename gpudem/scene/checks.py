@@ -15,7 +15,7 @@ from gpudem.errors import GpudemError
 from gpudem.scene import law_parameters
 from gpudem.scene.overlaps import MAX_START_OVERLAP, find_overlaps, lattice_within
 from gpudem.scene.scene_warnings import rounded_times, unexpected, without_effect
-from gpudem.scene.sections import MAX_PARTICLES, Box
+from gpudem.scene.sections import MAX_PARTICLES
 from gpudem.scene.time_step import (
     USUAL_CONTACT,
     USUAL_RAYLEIGH,
@@ -23,6 +23,7 @@ from gpudem.scene.time_step import (
     position_spacing,
     rayleigh_time,
 )
+from gpudem.scene.walls import Box
 
 if TYPE_CHECKING:
     from gpudem.scene.model import Scene

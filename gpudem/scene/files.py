@@ -68,7 +68,7 @@ def json_text(data: dict[str, Any]) -> str:
         if key == "particles":
             compact = {k: v for k, v in value.items() if isinstance(v, np.ndarray) or k == "material"}
             value = value | {k: f"@{k}" for k in compact}  # no name and no absolute path begins with @
-        text = json.dumps(value, indent=1).replace("\n", "\n ")
+        text = json.dumps(value, indent=1, default=np.ndarray.tolist).replace("\n", "\n ")
         parts.append(f",\n {json.dumps(key)}: " if parts else f"{{\n {json.dumps(key)}: ")
         for name, values in compact.items():  # in the order of the text
             before, text = text.split(f'"@{name}"')

@@ -23,6 +23,7 @@ from gpudem.contact import registry
 from gpudem.contact.law import Law, NormalLaw, PairInputs
 from gpudem.errors import SceneError
 from gpudem.scene import checks, files, overlaps, time_step
+from gpudem.scene.mesh import Mesh
 from gpudem.scene.packing import InitialState, lattice
 from gpudem.scene.particle_files import ParticleFile, read_particles
 from gpudem.scene.sections import (
@@ -35,14 +36,33 @@ from gpudem.scene.sections import (
     Needs,
     Output,
     Pair,
-    Plane,
     Solver,
     Time,
-    Wall,
-    WallSection,
 )
 from gpudem.scene.size_classes import default_skin
 from gpudem.scene.types import Model, Name, Vector, vector
+from gpudem.scene.wall_kinds import WallSection
+from gpudem.scene.walls import Plane, Wall
+
+#: Keys of `[contact]` that have no effect without meshes.
+OF_MESHES = ("mesh_contacts", "merge_angle", "mesh_curvature")
+#: Keys of a wall that a hash leaves out where they have no value: older scenes keep their hash.
+LATER_KEYS = ("present", "contact", "surface_velocity", "motion")
+
+
+def _stated(wall: dict[str, Any], digest: Any) -> dict[str, Any]:
+    """A wall for the hash: without later keys that have no value; arrays go into the digest."""
+    found = {k: v for k, v in wall.items() if k not in LATER_KEYS or v not in (None, ())}
+    return {k: _hashed(v, digest) for k, v in found.items()}
+
+
+def _hashed(value: Any, digest: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        digest.update(value.tobytes())
+        return list(value.shape)
+    if isinstance(value, list | tuple):
+        return [_hashed(v, digest) for v in value]
+    return {k: _hashed(v, digest) for k, v in value.items()} if isinstance(value, dict) else value
 
 
 class Scene(Model):
@@ -165,6 +185,9 @@ class Scene(Model):
     def hash(self) -> str:
         """SHA-256 of the physics: all but name and title; of a particle file the content, not the path."""
         data, digest = self.model_dump(exclude={"name", "title"}), hashlib.sha256()
+        data["walls"] = [_stated(wall, digest) for wall in data["walls"]]
+        if not self.meshes:
+            data["contact"] = {k: v for k, v in data["contact"].items() if k not in OF_MESHES}
         arrays = {k: v for k, v in data["particles"].items() if isinstance(v, np.ndarray)}
         if isinstance(self.particles, FromFile):
             data["particles"]["path"] = ""
@@ -239,6 +262,11 @@ class Scene(Model):
         """The elementary walls that are planes."""
         return [wall for wall in self.wall_elements if isinstance(wall, Plane)]
 
+    @functools.cached_property
+    def meshes(self) -> list[Mesh]:
+        """The walls of triangles."""
+        return [wall for wall in self.wall_elements if isinstance(wall, Mesh)]
+
     def inputs(self, a: str, b: str) -> PairInputs:
         """Primary inputs of two materials. Raises KeyError where the scene states no such pair."""
         pair = self.pair(a, b)
@@ -309,8 +337,8 @@ class Scene(Model):
             damping=any(law.dissipates(pair) for pair in inputs),
             gravity=any(self.gravity),
             walls=bool(self.walls),
-            gate=any(w.removed_at is not None for w in self.wall_elements),
-            vibration=any(w.speed > 0 for w in self.wall_elements),
+            gate=any(w.begin > 0 or w.end is not None for w in self.wall_elements),
+            vibration=any(w.moves for w in self.wall_elements),
             periodic=any(self.domain.periodic),
             several_materials=len(self.particle_materials) > 1,
             several_radii=bool(np.ptp(state.radius) > 0),
@@ -345,12 +373,21 @@ class Scene(Model):
 
     @property
     def segments(self) -> list[tuple[int, int, list[Wall]]]:
-        """(first step, last step, walls present) between gate removals; forces are set up anew at each."""
+        """(first step, last step, walls present) between changes of the walls; forces are set up
+        anew at each.
+        """
         walls = self.wall_elements
-        events = sorted({self.steps(w.removed_at) for w in walls if w.removed_at is not None})
-        edges = [0, *(e for e in events if 0 < e < self.n_steps), self.n_steps]
+        edges = [0, *(e for e in self.wall_changes if e < self.n_steps), self.n_steps]
         # mutate: planes_of_segments
-        return [
-            (a, b, [w for w in walls if w.removed_at is None or self.steps(w.removed_at) > a])
-            for a, b in itertools.pairwise(edges)
-        ]
+        return [(a, b, [w for w in walls if self.is_present(w, a)]) for a, b in itertools.pairwise(edges)]
+
+    @functools.cached_property
+    def wall_changes(self) -> list[int]:
+        """Steps after the start at which a wall comes or goes, ascending."""
+        times = [t for w in self.wall_elements for t in (w.begin, w.end) if t is not None]
+        return sorted({self.steps(t) for t in times} - {0})
+
+    def is_present(self, wall: Wall, step: int) -> bool:
+        """Whether a wall is there in the steps after this one."""
+        ends = wall.end is not None and self.steps(wall.end) <= step
+        return self.steps(wall.begin) <= step and not ends

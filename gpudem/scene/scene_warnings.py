@@ -17,7 +17,8 @@ from gpudem.scene.time_step import position_spacing, step_for
 
 if TYPE_CHECKING:
     from gpudem.scene.model import Scene
-    from gpudem.scene.sections import Pair, Wall
+    from gpudem.scene.sections import Pair
+    from gpudem.scene.walls import Wall
 
 #: Rounding to whole steps that changes a time by more than this share is warned of.
 ROUNDING = 1e-2

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -16,17 +15,13 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
-    PlainValidator,
-    SerializeAsAny,
     Tag,
-    TypeAdapter,
     ValidationInfo,
     field_validator,
 )
-from pydantic_core import PydanticCustomError
 
 from gpudem.output import observables
-from gpudem.scene.files import OneOf, nearest
+from gpudem.scene.files import nearest
 from gpudem.scene.types import (
     Flag,
     Flags,
@@ -42,14 +37,6 @@ from gpudem.scene.types import (
     positive,
     vector,
 )
-from gpudem.walls import registry
-
-Side = Literal["xlo", "xhi", "ylo", "yhi", "zlo", "zhi"]
-
-#: Components of a unit normal up to this size are rounding, and count as zero: cos, sin and products of a few
-#: rotation matrices leave some 1e-16, and a tilt of 1e-12 moves a plane by a nanometre at a kilometre.
-NORMAL_ROUNDING = 1e-12
-
 
 #: Particles of a scene at most: the neighbor search numbers 24 candidates of each with 32-bit integers.
 MAX_PARTICLES = 2**31 // 24
@@ -113,6 +100,13 @@ class Contact(Model):
     frictionless_dashpot: Flag = False
     """As in LIGGGHTS, a contact with friction 0 in a scene with friction elsewhere feels the tangential
     dashpot of `history` at each set-up (start, removal of a gate); by default it has no tangential force."""
+    mesh_contacts: Literal["unique", "liggghts"] = "unique"
+    """Which triangles near a particle count. `unique`: one contact for each place where the surface is
+    nearest, whatever the triangles; `liggghts`: its rule, for agreement to rounding."""
+    merge_angle: Annotated[float, number("deg", 0, 90)] = 20.0
+    """With `unique`: contacts of one mesh whose normals differ by less are one, the deepest [deg]."""
+    mesh_curvature: Annotated[float, number("deg", 0, 180)] = 0.256235
+    """With `liggghts`: triangles whose normals differ by no more are one face (its `curvature`) [deg]."""
     characteristic_velocity: Annotated[float, positive("m/s")] | None = None
     """Impact speed at which `hooke` is as stiff as `hertz` [m/s]."""
 
@@ -211,228 +205,6 @@ class Lattice(Model):
     """Root mean square of each (normally distributed) velocity component [m/s]."""
     seed: Annotated[int, Field(strict=True, ge=0), BeforeValidator(as_python)] = 0
     """Seed of the random shifts, radii and velocities."""
-
-
-class Vibration(Model):
-    """Saw-tooth motion of a plane along its normal: it moves at `speed` over `amplitude` and snaps back.
-
-    Amplitude 0 is the limit of a fast floor: the plane is at rest between contacts, and a particle in
-    contact sees a wall velocity U until separation; hard spheres leave with v' = (1 + e) U - e v.
-    """
-
-    speed: Annotated[float, positive("m/s")]
-    """U [m/s], towards the particles."""
-    amplitude: Annotated[float, number("m", 0)] = 0.0
-    """Stroke A [m]; the period is A / U."""
-
-
-class Wall(Model):
-    """What every wall states, and the geometry of an elementary one on the host (a box consists of planes).
-
-    A kind of another package derives from it (`gpudem.walls.registry`).
-    """
-
-    kind: str
-    """Kind of wall."""
-    name: Name
-    """Name of the wall; unique."""
-    material: Name
-    """Its material."""
-    removed_at: Annotated[float, positive("s")] | None = None
-    """The wall is a gate: it is there until this time."""
-
-    def elements(self, lo: Vector, hi: Vector) -> list[Wall]:
-        """The elementary walls of which it consists, in a domain lo..hi [m]."""
-        return [self]
-
-    def shape(self) -> tuple[Vector, Vector, Vector]:
-        """(direction, point [m], size [m]) as the kind's device function reads them."""
-        raise NotImplementedError
-
-    def gap(self, points: np.ndarray) -> np.ndarray:
-        """Gap [m] of points, shape (n, 3), from the wall: positive on the particles' side."""
-        raise NotImplementedError
-
-    def outline(self, lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(points [m], quads) that show the wall in a domain lo..hi: shapes (p, 3), (q, 4)."""
-        raise NotImplementedError
-
-    @property
-    def fast_floor(self) -> bool:
-        """It stands still between contacts, and moves at its velocity under each particle in contact."""
-        return False
-
-    @property
-    def speed(self) -> float:
-        """Largest speed [m/s]; 0 at rest."""
-        return 0.0
-
-    @property
-    def velocity(self) -> Vector:
-        """Velocity [m/s] while it moves."""
-        return (0.0, 0.0, 0.0)
-
-    @property
-    def stroke(self) -> float:
-        """Largest displacement [m]."""
-        return 0.0
-
-    def displacement(self, time: float) -> Vector:
-        """Where it is at a time [s], from its place at the start [m]."""
-        return (0.0, 0.0, 0.0)
-
-
-class Plane(Wall):
-    """Infinite plane wall; particles live on the side its normal points to. With `removed_at`: a gate."""
-
-    kind: Literal["plane"] = "plane"  # type: ignore[assignment]
-    """Kind of wall."""
-    name: Name
-    """Name of the wall; unique."""
-    material: Name
-    """Its material."""
-    point: Annotated[Vector, vector("m")]
-    """A point of the plane [m]."""
-    normal: Annotated[Vector, vector("1", nonzero=True)]
-    """Normal of any length, towards the particles."""
-    removed_at: Annotated[float, positive("s")] | None = None
-    """The plane is a gate: it is there until this time [s]."""
-    vibration: Vibration | None = None
-    """Saw-tooth motion along the normal."""
-
-    def elements(self, lo: Vector, hi: Vector) -> list[Wall]:
-        """The plane with `unit_normal`."""
-        return [self.model_copy(update={"normal": self.unit_normal})]
-
-    def shape(self) -> tuple[Vector, Vector, Vector]:
-        """(normal, point, (normal . point, 0, 0))."""
-        offset = np.einsum("i,i", np.array(self.normal), np.array(self.point))
-        return self.normal, self.point, (float(offset), 0.0, 0.0)
-
-    def gap(self, points: np.ndarray) -> np.ndarray:
-        """Distance [m] along the normal."""
-        return (points - np.array(self.point)) @ np.array(self.normal)
-
-    def outline(self, lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """A rectangle: an axis-aligned plane cut to lo..hi, a tilted one as large as its diagonal."""
-        size, normal, centre = float(np.linalg.norm(hi - lo)), np.array(self.normal), (lo + hi) / 2
-        foot = centre - ((centre - np.array(self.point)) @ normal) * normal
-        axis = int(np.argmax(np.abs(normal)))
-        u = np.roll(np.eye(3)[axis], 1)
-        u -= (u @ normal) * normal
-        u /= np.linalg.norm(u)
-        v = np.cross(normal, u)
-        half = [np.abs((hi - lo) @ d) / 2 if np.count_nonzero(normal) == 1 else size / 2 for d in (u, v)]
-        corners = [foot + a * half[0] * u + b * half[1] * v for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-        return np.array(corners), np.arange(4).reshape(1, 4)
-
-    @property
-    def unit_normal(self) -> Vector:
-        """The normal with length one; components of it that are rounding (`NORMAL_ROUNDING`) are zero."""
-        length = math.sqrt(math.fsum(c * c for c in self.normal))
-        if all(c == 0 or abs(c) > NORMAL_ROUNDING * length for c in self.normal):
-            x, y, z = (c / length for c in self.normal)  # mutate: unit_normal
-            return x, y, z
-        clean = [c if abs(c) > NORMAL_ROUNDING * length else 0.0 for c in self.normal]
-        length = math.sqrt(math.fsum(c * c for c in clean))
-        return clean[0] / length, clean[1] / length, clean[2] / length
-
-    @property
-    def fast_floor(self) -> bool:
-        """Vibrates with amplitude 0."""
-        return self.vibration is not None and self.vibration.amplitude == 0
-
-    @property
-    def speed(self) -> float:
-        """U along the normal [m/s]; 0 for a plane at rest."""
-        return self.vibration.speed if self.vibration else 0.0
-
-    @property
-    def velocity(self) -> Vector:
-        """U along the normal [m/s]."""
-        x, y, z = self.normal
-        return self.speed * x, self.speed * y, self.speed * z
-
-    @property
-    def stroke(self) -> float:
-        """Amplitude of a saw-tooth [m]."""
-        return self.vibration.amplitude if self.vibration else 0.0
-
-    def displacement(self, time: float) -> Vector:
-        """Of a saw-tooth from its lowest place [m]."""
-        (x, y, z), shift = self.normal, self.shift(time)
-        return shift * x, shift * y, shift * z
-
-    def shift(self, time: float) -> float:
-        """How far along its normal a saw-tooth is from its lowest place [m]."""
-        if self.vibration is None or self.fast_floor:
-            return 0.0
-        return self.vibration.speed * math.fmod(time, self.vibration.amplitude / self.vibration.speed)
-
-
-def _along(axis: int, value: float) -> Vector:
-    return (value if axis == 0 else 0.0, value if axis == 1 else 0.0, value if axis == 2 else 0.0)
-
-
-class Box(Model):
-    """Axis-aligned planes at the chosen sides of lo..hi (default: the domain), facing inwards."""
-
-    kind: Literal["box"]
-    """Kind of wall."""
-    name: Name
-    """Name of the box; its planes are called NAME_SIDE."""
-    material: Name
-    """Material of its planes."""
-    sides: Annotated[tuple[Side, ...], Field(min_length=1)] = ("xlo", "xhi", "ylo", "yhi", "zlo", "zhi")
-    """Sides that have a plane."""
-    lo: Annotated[Vector, vector("m")] | None = None
-    """Lower corner [m]; default: that of the domain."""
-    hi: Annotated[Vector, vector("m")] | None = None
-    """Upper corner [m]; default: that of the domain."""
-
-    def elements(self, lo: Vector, hi: Vector) -> list[Wall]:
-        """One plane for each side, named `<box>_<side>`."""
-        corners, planes = {"lo": self.lo or lo, "hi": self.hi or hi}, []
-        for side in self.sides:  # mutate: sides_of_box
-            axis, sign = "xyz".index(side[0]), 1.0 if side.endswith("lo") else -1.0
-            planes.append(
-                Plane(
-                    name=f"{self.name}_{side}",
-                    material=self.material,
-                    point=_along(axis, corners[side[1:]][axis]),
-                    normal=_along(axis, sign),
-                )
-            )
-        return planes
-
-
-def wall_sections() -> dict[str, type[Model]]:
-    """The section class of every kind of wall, those of other packages last."""
-    return {"plane": Plane, "box": Box} | registry.sections()
-
-
-def _wall_section(value: Any) -> Any:
-    """A wall as the section of its kind, which validates it."""
-    if isinstance(value, Wall | Box):
-        return value
-    if not isinstance(value, dict):
-        raise ValueError("must be a table")
-    if "kind" not in value:
-        raise PydanticCustomError("union_tag_not_found", "no kind", {"discriminator": "'kind'"})
-    kind = value["kind"]
-    section = {"plane": Plane, "box": Box}.get(kind) if isinstance(kind, str) else None
-    section = section or wall_sections().get(str(kind))
-    if section is None:
-        raise PydanticCustomError(
-            "union_tag_invalid", "unknown kind", {"discriminator": "'kind'", "tag": str(kind)}
-        )
-    return TypeAdapter(section).validate_python(value)
-
-
-if TYPE_CHECKING:
-    WallSection = Wall | Box
-else:
-    WallSection = Annotated[SerializeAsAny[Model], PlainValidator(_wall_section), OneOf(wall_sections)]
 
 
 class Domain(Model):

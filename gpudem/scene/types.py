@@ -171,6 +171,22 @@ class vector(_Plain):
 
 
 @dataclasses.dataclass(frozen=True)
+class span(_Plain):
+    """[from] or [from, until], two numbers that rise from at least 0."""
+
+    unit: str
+
+    def check(self, value: Any) -> tuple[float, ...]:  # noqa: D102
+        values = value.tolist() if isinstance(value, np.ndarray) else value
+        if not isinstance(values, list | tuple) or len(values) not in (1, 2):
+            raise ValueError(f"must be [from] or [from, until] [{self.unit}]")
+        found = tuple(number(self.unit, 0).check(v) for v in values)
+        if len(found) == 2 and not found[0] < found[1]:
+            raise ValueError(f"must rise: from < until [{self.unit}]")
+        return found
+
+
+@dataclasses.dataclass(frozen=True)
 class array(_Plain):
     """A read-only float64 array, shape (n, columns), or (n,) for columns = 0."""
 

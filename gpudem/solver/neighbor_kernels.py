@@ -19,6 +19,7 @@ from gpudem.solver.class_grids import grid_functions, grid_struct
 from gpudem.solver.geometry import nearest_image
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import structs
+from gpudem.solver.wall_frames import triangle_surface, wall_frame
 from gpudem.solver.walls import wall_surface
 
 #: Entries of a particle that the count stores for the fill; a particle with more is searched again.
@@ -466,6 +467,60 @@ def class_search(spec: Spec) -> Any:
 
 
 @functools.cache
+def mesh_search(spec: Spec) -> Any:
+    """A function: appends the triangles near particle i to its `count` entries, in ascending order.
+
+    Of a mesh that moves, where it is in the first launch; `WallMotion` says how long that holds.
+    """
+    t = structs(spec.precision)
+    Params, Particles, Walls, wide, wide3 = t.Params, t.Particles, t.Walls, t.wide, t.wide3
+    integers = access(wp.int32)
+    get_int, put_int = integers.get, integers.put
+    triangle, frame = triangle_surface(spec), wall_frame(spec)
+    to_wall = frame.to_wall
+
+    @wp.func
+    def insert(out: wp.array[wp.int32], base: wp.int32, begin: wp.int32, count: wp.int32, entry: wp.int32):
+        """Into the ascending entries begin..count-1."""
+        k = wp.int32(0) + count
+        while k > begin and get_int(out, base + k - 1) > entry:
+            put_int(out, base + k, get_int(out, base + k - 1))
+            k -= 1
+        put_int(out, base + k, entry)
+
+    @wp.func
+    def search(
+        params: Params, particles: Particles, walls: Walls, i: wp.int32, x: wide3, radius: wide,
+        found: wp.int32, out: wp.array[wp.int32], base: wp.int32, room: wp.int32, status: wp.array[wp.int64],
+    ):  # fmt: skip
+        count, begin = wp.int32(0) + found, wp.int32(0) + found
+        within = radius + params.range + params.skin  # mutate: triangle_range
+        reach = wp.float32(within) * wp.float32(1.00001)
+        for k in range(walls.present.shape[0]):
+            w = walls.present[k]
+            if walls.kind[w] >= 0:
+                continue
+            place = to_wall(walls, w, x)
+            center = wp.vec3(wp.float32(place[0]), wp.float32(place[1]), wp.float32(place[2]))
+            slack = reach + wp.float32(1.0e-6) * wp.length(center)
+            half = wp.vec3(slack, slack, slack)
+            query = wp.bvh_query_aabb(walls.bvh[w], center - half, center + half)
+            local = wp.int32(0)
+            while wp.bvh_query_next(query, local):
+                e = walls.first_triangle[w] + local
+                gap, _normal, _feature = triangle(params, walls, w, e, x)
+                if gap < within:
+                    if gap < radius - params.overlap_limit * radius:
+                        write_report(status, i // params.block, wp.int32(DEEP_IN_WALL), particles.id[i], w)
+                    if count < room:
+                        insert(out, base, begin, count, params.n + params.walls + e)
+                    count += 1
+        return count
+
+    return search
+
+
+@functools.cache
 def wall_search(spec: Spec) -> Any:
     """A function: appends the walls near particle i to its `count` entries; returns the new number.
 
@@ -475,7 +530,9 @@ def wall_search(spec: Spec) -> Any:
     t = structs(spec.precision)
     Params, Particles, Walls = t.Params, t.Particles, t.Walls
     put_int, find = access(wp.int32).put, entry_search(spec)
-    surface = wall_surface(spec.walls)
+    surface = wall_surface(spec.walls) if spec.walls else None
+    to_wall = wall_frame(spec).to_wall
+    mesh_of = mesh_search(spec) if spec.meshes else None
 
     @wp.func
     def search(
@@ -486,27 +543,36 @@ def wall_search(spec: Spec) -> Any:
         radius = params.radius
         if wp.static(spec.polydisperse):
             radius = particles.radius[i]  # mutate: reach_to_walls
-        for k in range(walls.present.shape[0]):
-            w = walls.present[k]  # mutate: present_wall
-            gap, _normal = surface(walls, w, x)
-            within = radius + params.range + params.skin  # mutate: wall_range
-            if wp.static(spec.moving_walls):
-                within = within + walls.stroke[w]  # mutate: stroke_in_range
-            near = gap < within
-            if wp.static(spec.moving_walls):
-                if walls.fast[w] != 0:
-                    at = find(particles, old, params.n + w, True)
-                    if at >= 0 and particles.rise[at] >= t.wide(0.0):
-                        gap = gap - particles.rise[at]
-                        near = True  # mutate: near_fast_floor
-                else:
-                    gap, _normal_now = surface(walls, w, x - walls.displacement[w])
-            if near:
-                if gap < radius - params.overlap_limit * radius:  # mutate: deep_in_wall
-                    write_report(status, i // params.block, wp.int32(DEEP_IN_WALL), particles.id[i], w)
-                if count < room:
-                    put_int(out, base + count, params.n + w)
-                count += 1
+        if wp.static(bool(spec.walls)):
+            for k in range(walls.present.shape[0]):
+                w = walls.present[k]  # mutate: present_wall
+                if wp.static(bool(spec.meshes)):
+                    if walls.kind[w] < 0:
+                        continue
+                place = x
+                if wp.static(spec.turning_walls):
+                    place = to_wall(walls, w, x)
+                gap, _normal = surface(walls, w, place)
+                within = radius + params.range + params.skin  # mutate: wall_range
+                if wp.static(spec.moving_walls):
+                    within = within + walls.stroke[w]  # mutate: stroke_in_range
+                near = gap < within
+                if wp.static(spec.moving_walls):
+                    gap, _normal_now = surface(walls, w, to_wall(walls, w, x))
+                if wp.static(spec.fast_floors):
+                    if walls.fast[w] != 0:
+                        at = find(particles, old, params.n + w, True)
+                        if at >= 0 and particles.rise[at] >= t.wide(0.0):
+                            gap = gap - particles.rise[at]
+                            near = True  # mutate: near_fast_floor
+                if near:
+                    if gap < radius - params.overlap_limit * radius:  # mutate: deep_in_wall
+                        write_report(status, i // params.block, wp.int32(DEEP_IN_WALL), particles.id[i], w)
+                    if count < room:
+                        put_int(out, base + count, params.n + w)
+                    count += 1
+        if wp.static(bool(spec.meshes)):
+            count = mesh_of(params, particles, walls, i, x, radius, count, out, base, room, status)
         return count
 
     return search
@@ -518,7 +584,7 @@ def count_kernel(spec: Spec) -> Any:
     t = structs(spec.precision)
     Params, Particles, Walls = t.Params, t.Particles, t.Walls
     neighbors, Grid = neighbor_search(spec), grid_struct(spec.precision)
-    walls_of = wall_search(spec) if spec.walls else None
+    walls_of = wall_search(spec) if spec.has_walls else None
 
     @wp.kernel(module="unique", enable_backward=False)
     def count_entries(
@@ -543,7 +609,7 @@ def count_kernel(spec: Spec) -> Any:
         found = neighbors(
             params, particles, grids, key[i], cell_start, i, cache, base, CACHE_SIZE, status
         )  # fmt: skip
-        if wp.static(bool(spec.walls)):
+        if wp.static(spec.has_walls):
             neighbor_count[i] = found  # mutate: neighbor_count
             found = walls_of(params, particles, walls, i, order[i], found, cache, base, CACHE_SIZE, status)
         count[i] = found
@@ -558,7 +624,7 @@ def fill_kernel(spec: Spec) -> Any:
     Params, Particles, Walls, vec3 = t.Params, t.Particles, t.Walls, t.vec3
     neighbors, Grid = neighbor_search(spec), grid_struct(spec.precision)
     find, find_pair = entry_search(spec), pair_search(spec)
-    walls_of = wall_search(spec) if spec.walls else None
+    walls_of = wall_search(spec) if spec.has_walls else None
     get_int, put_int = access(wp.int32).get, access(wp.int32).put
 
     @wp.func
@@ -574,11 +640,10 @@ def fill_kernel(spec: Spec) -> Any:
         sign = t.real(1.0)
         if other >= params.n:
             k = find(particles, o, other, True)  # mutate: wall_entry_at_rebuild
-            if wp.static(spec.moving_walls):
-                if walls.fast[other - params.n] != 0:
-                    rise[m] = t.wide(-1.0)
-                    if k >= 0:
-                        rise[m] = particles.rise[k]  # mutate: rise_at_rebuild
+            if wp.static(spec.fast_floors):
+                rise[m] = t.wide(-1.0)
+                if k >= 0:
+                    rise[m] = particles.rise[k]  # mutate: rise_at_rebuild
         else:
             other = -other - 1
             k, sign = find_pair(particles, o, order[other])  # mutate: partner_at_rebuild
@@ -624,9 +689,9 @@ def fill_kernel(spec: Spec) -> Any:
             found = neighbors(
                 params, particles, grids, key[i], cell_start, i, neighbor, first, room, status
             )  # fmt: skip
-            if wp.static(bool(spec.walls)):
+            if wp.static(spec.has_walls):
                 walls_of(params, particles, walls, i, order[i], found, neighbor, first, room, status)
-        if wp.static(bool(spec.walls)):
+        if wp.static(spec.has_walls):
             particles.wall_start[i] = first + neighbor_count[i]
         if wp.static(spec.contact_history or spec.moving_walls):
             for m in range(first, first + room):

@@ -97,7 +97,7 @@ class NeighborList:
         self._set_grids()
         self.key, self.order, self.cell_start = integers(2 * n), integers(2 * n), integers(self.cells + 1)
         self.start, self.count, self.cache = integers(n + 1), integers(n + 1), integers(n * CACHE_SIZE)
-        self.neighbor_count = integers(n) if spec.walls else None
+        self.neighbor_count = integers(n) if spec.has_walls else None
         self.status = wp.full(SLOTS, NO_REPORT, dtype=wp.int64, device=device)
         self.scan = ExclusiveScan(self.count, self.start)
         self.list_fits = integers(1)
@@ -109,6 +109,9 @@ class NeighborList:
             **({"rolling_torque": t.vec3} if spec.rolling_history else {}),
             **({"rise": t.wide} if any(wall.fast_floor for wall in scene.wall_elements) else {}),
         }
+        self._scratch_arrays: dict[str, Any] = {}
+        if spec.meshes:
+            self._scratch_arrays = {"mesh_leader": wp.int32, "mesh_gap": t.wide, "mesh_point": t.wide3}
         self.spring = self.rolling_torque = self.rise = None
         self._permuted_arrays = ["id", *(["image"] * any(spec.periodic)), *(["radius"] * spec.polydisperse)]
         self._permuted_arrays += ["mass"] * spec.per_particle_mass + ["material"] * spec.multi_material
@@ -142,6 +145,8 @@ class NeighborList:
                 wp.copy(grown, getattr(p, name), count=self.capacity)  # mutate: history_of_grown_list
             setattr(p, name, grown)
             setattr(self, name, wp.zeros(capacity, dtype=dtype, device=device))
+        for name, dtype in self._scratch_arrays.items():
+            setattr(p, name, wp.zeros(capacity, dtype=dtype, device=device))
         self.capacity = capacity
         self._launches.clear()
         self.on_reallocate()

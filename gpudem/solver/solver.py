@@ -20,16 +20,20 @@ from gpudem.contact.coefficients import pair_coefficients
 from gpudem.errors import SimulationError
 from gpudem.output.vtu import Frame
 from gpudem.scene import Scene
-from gpudem.scene.sections import Wall
+from gpudem.scene.walls import Wall
 from gpudem.solver import guards
 from gpudem.solver.device import compile_kernels, find_device
+from gpudem.solver.mesh_tables import MeshTables
 from gpudem.solver.neighbor_list import NeighborList, block_size, cell_grid, layers_of_cells
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import State
 from gpudem.solver.step_kernel import SETUP, WRITE, laws_struct, step_kernel
 from gpudem.solver.thread_pool import CpuThreadPool, require_serial_launches
+from gpudem.solver.wall_motion import WallMotion
 from gpudem.solver.walls import wall_table
 
+#: Arrays of the list that a step writes before it reads them.
+MESH_SCRATCH = ("mesh_leader", "mesh_gap", "mesh_point")
 #: Steps launched as one CUDA graph between two checks by the host.
 CUDA_CHUNK = 32
 
@@ -83,7 +87,9 @@ class Solver:
         self._at_written_step = False
         self._pending = self.state.particles.rebuild_pending.numpy() if self.device.is_cpu else None
         self._displaced = any(wall.stroke > 0 for wall in scene.wall_elements)
+        self._motion, self._meshes = WallMotion(scene, self.chunk), MeshTables(scene, self.state)
         self.walls: Any = None
+        self._walls_at = 0
         self.compile_s = self._compile()
         if self.spec.half_list:
             require_serial_launches()
@@ -98,6 +104,8 @@ class Solver:
         p.cells, p.inv_cell_size = wp.vec3i(*cells), t.wide3(*rate)
         p.is_periodic = wp.vec3i(*[int(side) for side in scene.domain.periodic])
         p.speed_limit = guards.speed_limit(scene) ** 2
+        p.merge_cosine = np.cos(np.radians(scene.contact.merge_angle))
+        p.coplanar_cosine = np.cos(np.radians(scene.contact.mesh_curvature))
         p.overlap_limit = guards.overlap_limit(scene)
         # mutate: move_limit
         p.skin, p.move_limit, p.range = scene.skin, (scene.skin / 2) ** 2, scene.contact_range
@@ -191,7 +199,7 @@ class Solver:
             self._move_walls(self.step_count + 1)
             if self._needs_rebuild:
                 self._rebuild()
-            done = self._launch_chunk(min(steps, self.chunk))
+            done = self._launch_chunk(self._within_reach(min(steps, self.chunk)))
             self.step_count += done
             steps -= done
             if self._rebuild_suspended:
@@ -219,11 +227,17 @@ class Solver:
         """Walls that get into contact from now on; all of them by default."""
         here = self.scene.wall_elements if present is None else present
         self.walls = wall_table(self.state, self.scene, self.chunk, here)
+        self._meshes.attach(self.walls)
         self._invalidate_launches()
         self.neighbors.set_walls(self.walls)
 
     def _move_walls(self, step: int) -> None:
         """Puts moving walls where they are in `step`, the next launch's, and in those after it."""
+        self._walls_at = step
+        if self._motion:
+            self._motion.assign(self.walls, step)
+            if self._motion.steps_within(step, 1) == 0:
+                self._needs_rebuild = True  # mutate: rebuild_for_walls
         if self._displaced:
             times = [(step + k) * self.scene.time.step for k in range(self.chunk)]  # mutate: saw_tooth_times
             places = [wall.displacement(time) for time in times for wall in self.scene.wall_elements]
@@ -231,6 +245,10 @@ class Solver:
                 self.walls.displacement.numpy()[:] = places
             else:
                 self.walls.displacement.assign(places)
+
+    def _within_reach(self, steps: int) -> int:
+        """How many of so many steps the list reaches the walls that move; at least one."""
+        return max(1, self._motion.steps_within(self.step_count + 1, steps)) if self._motion else steps
 
     def _launch_chunk(self, steps: int) -> int:
         """Launch steps without a check by the host between them; returns how many were done.
@@ -295,6 +313,7 @@ class Solver:
 
     def _rebuild(self) -> None:
         (self.neighbors.finish_rebuild if self._rebuild_suspended else self.neighbors.rebuild)()
+        self._motion.rebuilt(self._walls_at)
         self._needs_rebuild = self._rebuild_suspended = False
 
     def _next_step_in_words(self) -> str:
@@ -366,7 +385,7 @@ class Solver:
         Not those that are zero between steps or follow from the number of the step.
         """
         # mutate: restart_arrays
-        leave = ("rebuild_pending", "rebuild_requested", "partial_force", "partial_torque")
+        leave = ("rebuild_pending", "rebuild_requested", "partial_force", "partial_torque", *MESH_SCRATCH)
         names = [name for name in self.state.types.Particles.vars if name not in leave]
         return [name for name in names if getattr(self.state.particles, name) is not None]
 

@@ -29,8 +29,13 @@ class Spec:
     rotation: bool = False
     gravity: bool = False
     walls: tuple[str, ...] = ()
-    """Kinds of the walls, in order of name; () without walls."""
+    """Kinds of the walls but meshes, in order of name; () without walls."""
+    meshes: str = ""
+    """The rule of mesh contacts, "unique" or "liggghts"; "" without meshes."""
     moving_walls: bool = False
+    fast_floors: bool = False
+    turning_walls: bool = False
+    """A wall has motions: it may turn, and its velocity is not the same everywhere and at every step."""
     long_range: bool = False
     """The normal law acts across a gap."""
     periodic: tuple[bool, bool, bool] = (False, False, False)
@@ -55,8 +60,11 @@ class Spec:
             integrator=scene.solver.integrator if needs.damping or needs.tangential else "half_step",
             rotation=needs.rotation,
             gravity=needs.gravity,
-            walls=tuple(sorted({wall.kind for wall in scene.wall_elements})),
+            walls=tuple(sorted({wall.kind for wall in scene.wall_elements} - {"mesh"})),
+            meshes=scene.contact.mesh_contacts if scene.meshes else "",
             moving_walls=needs.vibration,
+            fast_floors=any(wall.fast_floor for wall in scene.wall_elements),
+            turning_walls=any(w.motion or w.surface_velocity for w in scene.wall_elements),
             long_range=scene.contact_range > 0,
             periodic=scene.domain.periodic,
             multi_material=needs.several_materials,
@@ -92,6 +100,11 @@ class Spec:
     def path(self) -> bool:
         """Velocities predicted half a step ahead are stored beside those half a step behind."""
         return self.integrator == "path"  # mutate: predicts_velocities
+
+    @property
+    def has_walls(self) -> bool:
+        """There are walls of any kind."""
+        return bool(self.walls) or bool(self.meshes)
 
     @property
     def spring_history(self) -> bool:

@@ -53,6 +53,8 @@ def _params_struct(real: Any, vec3: Any, wide: Any, wide3: Any) -> Any:
         move_limit: wide  # (skin/2)^2 [m2]
         range: wide  # gap across which the normal law acts [m]
         speed_limit: wide  # squared, of the guard [m2/s2]
+        merge_cosine: wide  # contacts of one mesh whose normals' cosine is above it are one
+        coplanar_cosine: wide  # LIGGGHTS' rule: triangles whose normals' cosine is not below it are one face
         overlap_limit: wide  # of the guard, relative to the smaller radius [1]
         radius: wide  # of equal spheres; else the largest [m]
         mass: real  # of equal spheres of one material [kg]
@@ -83,6 +85,9 @@ def _particles_struct(real: Any, vec3: Any, wide: Any, wide3: Any) -> Any:
         rolling_torque: wp.array[vec3]  # stored for each entry [N m], (capacity,)
         # mutate: rise_array
         rise: wp.array[wide]  # of a fast floor since the contact began [m], -1 apart, (capacity,)
+        mesh_leader: wp.array[wp.int32]  # entry whose contact a triangle is part of; -2: none, (capacity,)
+        mesh_gap: wp.array[wide]  # from the nearest point of the triangle [m], (capacity,)
+        mesh_point: wp.array[wide3]  # that point [m], (capacity,)
         partial_force: wp.array[vec3]  # from particles before it in its block [N], (n,); half list only
         partial_torque: wp.array[vec3]  # [N m], (n,), likewise
         wall_work: wp.array[wp.float64]  # done by moving walls on the particles at this place [J], (n,)
@@ -96,14 +101,25 @@ def _walls_struct(wide: Any, wide3: Any) -> Any:
     @wp.struct
     class Walls:
         present: wp.array[wp.int32]  # the walls that are there, ascending
-        kind: wp.array[wp.int32]  # position of its kind in Spec.walls, (m,)
+        kind: wp.array[wp.int32]  # position of its kind in Spec.walls, -1: a mesh, (m,)
         direction: wp.array[wide3]  # normal of a plane, axis, ...: the kind says, (m,)
         point: wp.array[wide3]  # [m], (m,)
         size: wp.array[wide3]  # [m], (m,)
         displacement: wp.array[wide3]  # in launch l, at l m + w [m], (chunk m,)
-        velocity: wp.array[wide3]  # [m/s], (m,)
-        stroke: wp.array[wide]  # the farthest that the displacement may reach [m], (m,)
+        velocity: wp.array[wide3]  # [m/s], (m,); of walls with motions in launch l at l m + w, (chunk m,)
+        stroke: wp.array[wide]  # the farthest that a saw-tooth's displacement may reach [m], (m,)
         fast: wp.array[wp.int32]  # 1: a fast floor, (m,)
+        rotation: wp.array[wp.types.matrix((3, 3), wide)]  # in launch l, at l m + w, (chunk m,)
+        spin: wp.array[wide3]  # angular velocity, likewise [rad/s]
+        center: wp.array[wide3]  # the point whose velocity is `velocity`, likewise [m]
+        surface_velocity: wp.array[wide3]  # of a belt [m/s], (m,)
+        bvh: wp.array[wp.uint64]  # of the triangles of a mesh, in its place at the start, (m,)
+        first_triangle: wp.array[wp.int32]  # of a mesh, (m,)
+        triangle_wall: wp.array[wp.int32]  # its mesh, (k,)
+        corners: wp.array[wide3]  # three of each triangle, at the start [m], (3 k,)
+        facing: wp.array[wide3]  # its unit normal, at the start, (k,)
+        nodes: wp.array[wp.vec3i]  # numbers of its corners: equal where triangles share them, (k,)
+        active: wp.array[wp.int32]  # bits 0..2: edges, 3..5: corners that count by LIGGGHTS' rule, (k,)
 
     return Walls
 
@@ -158,7 +174,7 @@ class State:
         p.image = zeros(n, wp.vec3i, any(spec.periodic))
         p.x_at_rebuild = zeros(n, t.wide3)
         p.start = zeros(n + 1, wp.int32)
-        p.wall_start = zeros(n, wp.int32, bool(spec.walls))
+        p.wall_start = zeros(n, wp.int32, spec.has_walls)
         p.partial_force = zeros(n, t.vec3, spec.half_list)
         p.partial_torque = zeros(n, t.vec3, spec.half_list and spec.rotation)
         p.wall_work = zeros(n, wp.float64, spec.moving_walls)

@@ -23,9 +23,11 @@ from gpudem.contact.types import pair_struct
 from gpudem.solver.arrays import access
 from gpudem.solver.body import body_reader, body_struct, body_writer
 from gpudem.solver.geometry import contact_geometry, contact_procedure, conversions, nearest_image
+from gpudem.solver.mesh_contacts import mesh_contacts
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import structs
-from gpudem.solver.walls import fast_floor_gap, wall_surface
+from gpudem.solver.wall_frames import element_surface, wall_frame
+from gpudem.solver.walls import fast_floor_gap
 
 #: Mode bits. SETUP: velocities are at the full step, springs only evaluated. WRITE: store forces, velocities.
 SETUP, WRITE = wp.constant(1), wp.constant(2)
@@ -276,7 +278,9 @@ def step_kernel(spec: Spec) -> Any:
     sphere_contact, wall_contact = geometry.sphere_contact, geometry.wall_contact
     resolve, damping_apart = procedure.resolve, procedure.damping_apart
     nearest = nearest_image(spec.periodic, spec.precision)
-    surface = wall_surface(spec.walls) if spec.walls else None
+    surface = element_surface(spec) if spec.has_walls else None
+    velocity_of_wall = wall_frame(spec).velocity
+    decide_on_triangles = mesh_contacts(spec) if spec.meshes else None
     fast_gap = fast_floor_gap(spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -313,7 +317,7 @@ def step_kernel(spec: Spec) -> Any:
         contacts, block_end = wp.int32(0), (i // params.block + 1) * params.block
         first, last = get_int(particles.start, i), get_int(particles.start, i + 1)
         first_wall = last
-        if wp.static(bool(spec.walls)):
+        if wp.static(spec.has_walls):
             first_wall = get_int(particles.wall_start, i)
 
         for k in range(first, first_wall):  # particles
@@ -357,17 +361,22 @@ def step_kernel(spec: Spec) -> Any:
             contacts += 1 + add_to_partner(particles, i, j, block_end, f, torque_j)
             store(particles, k, entry, j, spring, rolling, mode)
 
-        if wp.static(bool(spec.walls)):
+        if wp.static(bool(spec.meshes)):
+            decide_on_triangles(params, walls, particles, launch, x, radius, first_wall, last)
+        if wp.static(spec.has_walls):
             for k in range(first_wall, last):
                 entry = get_int(particles.neighbor, k)
                 other = partner(entry)
-                wall = other - params.n
-                v_wall, place = wide3(), x
+                wall, gap, normal = surface(params, walls, launch, other - params.n, x)
+                if wp.static(bool(spec.meshes)):
+                    if other - params.n >= params.walls and particles.mesh_leader[k] != k:
+                        part(particles, k, entry, other)
+                        continue
+                v_wall = wide3()
                 if wp.static(spec.moving_walls):
-                    v_wall = walls.velocity[wall]
-                    place = x - walls.displacement[launch * params.walls + wall]  # mutate: wall_displacement
-                gap, normal = surface(walls, wall, place)
-                if wp.static(spec.moving_walls):
+                    at = launch * params.walls + wall
+                    v_wall = velocity_of_wall(walls, at, wall, x - gap * normal, normal)
+                if wp.static(spec.fast_floors):
                     gap = fast_gap(params, walls, particles, k, wall, gap, normal, radius, v, dt)
                 wall_pair = laws.wall_pairs[wall * params.materials + material]  # mutate: wall_coefficients
                 if not (gap <= radius + params.range):

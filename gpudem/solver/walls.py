@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from gpudem.scene import Scene
-from gpudem.scene.sections import Wall
+from gpudem.scene.walls import Wall
 from gpudem.solver.state import State, structs
 from gpudem.walls import registry
 
@@ -98,19 +98,30 @@ def wall_table(state: State, scene: Scene, chunk: int, present: list[Wall]) -> A
         return walls
     names = {wall.name for wall in present}
     here = [w for w, wall in enumerate(elements) if wall.name in names]  # mutate: walls_present
-    walls.present = wp.array(np.array(here, np.int32), dtype=wp.int32, device=device)
-    if len(state.spec.walls) > 1:
-        kinds = [state.spec.walls.index(wall.kind) for wall in elements]
-        walls.kind = wp.array(np.array(kinds, np.int32), device=device)
+
+    def table(values: Any, dtype: Any) -> Any:
+        return wp.array(np.asarray(values), dtype=dtype, device=device)
+
+    walls.present = table(np.array(here, np.int32), wp.int32)
+    if len(state.spec.walls) > 1 or state.spec.meshes:
+        kinds = [-1 if wall.kind == "mesh" else state.spec.walls.index(wall.kind) for wall in elements]
+        walls.kind = table(np.array(kinds, np.int32), wp.int32)
     for name, column in zip(
         ("direction", "point", "size"), zip(*(wall.shape() for wall in elements), strict=True), strict=True
     ):
-        setattr(walls, name, wp.array(np.array(column, float), dtype=t.wide3, device=device))
+        setattr(walls, name, table(np.array(column, float), t.wide3))
     if state.spec.moving_walls:
-        still = np.zeros((len(elements) * chunk, 3))
-        walls.displacement = wp.array(still, dtype=t.wide3, device=device)
+        m = len(elements)
+        walls.displacement = table(np.zeros((m * chunk, 3)), t.wide3)
         velocity = np.array([wall.velocity for wall in elements])
-        walls.velocity = wp.array(velocity, dtype=t.wide3, device=device)
-        walls.stroke = wp.array([wall.stroke for wall in elements], dtype=t.wide, device=device)
-        walls.fast = wp.array([int(wall.fast_floor) for wall in elements], dtype=wp.int32, device=device)
+        walls.velocity = table(np.tile(velocity, (chunk if state.spec.turning_walls else 1, 1)), t.wide3)
+        walls.stroke = table([wall.stroke for wall in elements], t.wide)
+    if state.spec.fast_floors:
+        walls.fast = table(np.array([wall.fast_floor for wall in elements], np.int32), wp.int32)
+    if state.spec.turning_walls:
+        walls.rotation = table(np.tile(np.eye(3), (m * chunk, 1, 1)), wp.types.matrix((3, 3), t.wide))
+        walls.spin = table(np.zeros((m * chunk, 3)), t.wide3)
+        walls.center = table(np.zeros((m * chunk, 3)), t.wide3)
+        belts = [wall.surface_velocity or (0.0, 0.0, 0.0) for wall in elements]
+        walls.surface_velocity = table(belts, t.wide3)
     return walls

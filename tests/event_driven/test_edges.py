@@ -14,7 +14,7 @@ from gpudem.errors import SceneError, SimulationError
 from gpudem.event_driven.engine import EVENTS_PER_LAUNCH, Engine
 from gpudem.event_driven.problem import HardSphereProblem
 from gpudem.scene import Contact, Output, Pair, Plane
-from gpudem.scene.sections import Wall
+from gpudem.scene.walls import Wall
 from gpudem.walls import registry as walls
 from tests.event_driven import scenes
 
