@@ -16,8 +16,8 @@ from gpudem.contact import registry as laws
 from gpudem.contact.law import NormalLaw, Parameter, TangentialLaw
 from gpudem.errors import GpudemError, SceneError
 from gpudem.scene import Scene
-from gpudem.scene.walls import Wall
 from gpudem.scene.types import Vector, positive, vector
+from gpudem.scene.walls import Wall
 from gpudem.walls import registry as walls
 from gpudem.walls.registry import WallKind
 from reference.liggghts import deck

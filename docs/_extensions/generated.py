@@ -53,7 +53,7 @@ def code(text: str) -> str:
 
 def scene_page() -> str:
     """Every key of a scene file: type, unit, range, default, meaning."""
-    from gpudem.scene import sections
+    from gpudem.scene import mesh, motion, sections, walls
     from gpudem.scene.model import Scene
 
     parts = {
@@ -65,9 +65,18 @@ def scene_page() -> str:
         '[particles] with source = "file"': sections.FromFile,
         '[particles] with source = "lattice"': sections.Lattice,
         "Mixture of radii": sections.RadiusShare,
-        '[[walls]] with kind = "plane"': sections.Plane,
-        "Vibration of a plane": sections.Vibration,
-        '[[walls]] with kind = "box"': sections.Box,
+        '[[walls]] with kind = "plane"': walls.Plane,
+        "Vibration of a plane": walls.Vibration,
+        '[[walls]] with kind = "box"': walls.Box,
+        '[[walls]] with kind = "mesh"': mesh.Mesh,
+        "The turn of a mesh into its place": mesh.Placement,
+        "A wall's own contact law": walls.WallContact,
+        '[[walls.motion]] with type = "linear"': motion.Linear,
+        '[[walls.motion]] with type = "oscillate"': motion.Oscillate,
+        '[[walls.motion]] with type = "rotate"': motion.Rotate,
+        '[[walls.motion]] with type = "swing"': motion.Swing,
+        '[[walls.motion]] with type = "table", of velocities': motion.TranslationTable,
+        '[[walls.motion]] with type = "table", of angular velocities': motion.TurnTable,
         "[domain]": sections.Domain,
         "[time]": sections.Time,
         "[output]": sections.Output,

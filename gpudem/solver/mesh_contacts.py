@@ -26,9 +26,22 @@ OPEN, APART = wp.constant(-1), wp.constant(-2)
 
 @functools.cache
 def mesh_contacts(spec: Spec) -> Any:
-    """A function: decides on the triangles among entries first..last-1 of a particle at x."""
+    """A function: decides on the triangles among entries first..last-1 of a particle at x.
+
+    Without meshes it does nothing.
+    """
     t = structs(spec.precision)
     Params, Particles, Walls, wide, wide3 = t.Params, t.Particles, t.Walls, t.wide, t.wide3
+    if not spec.meshes:
+
+        @wp.func
+        def nothing(
+            params: Params, walls: Walls, particles: Particles, launch: wp.int32, x: wide3, radius: wide,
+            first: wp.int32, last: wp.int32,
+        ):  # fmt: skip
+            return
+
+        return nothing
     triangle, rule, hand_on = triangle_surface(spec), contact_rule(spec), spring_handover(spec)
     read = entry_triangle(spec)
 
@@ -58,6 +71,20 @@ def mesh_contacts(spec: Spec) -> Any:
             hand_on(params, walls, particles, launch, x, radius, first, last)
 
     return decide
+
+
+@functools.cache
+def triangle_apart(spec: Spec) -> Any:
+    """A function: whether entry k, of partner `other`, is a triangle that makes no contact of its own."""
+    t = structs(spec.precision)
+
+    @wp.func
+    def apart(params: t.Params, particles: t.Particles, k: wp.int32, other: wp.int32):
+        if wp.static(bool(spec.meshes)):
+            return other - params.n >= params.walls and particles.mesh_leader[k] != k
+        return False
+
+    return apart
 
 
 @functools.cache

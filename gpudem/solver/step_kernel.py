@@ -23,7 +23,7 @@ from gpudem.contact.types import pair_struct
 from gpudem.solver.arrays import access
 from gpudem.solver.body import body_reader, body_struct, body_writer
 from gpudem.solver.geometry import contact_geometry, contact_procedure, conversions, nearest_image
-from gpudem.solver.mesh_contacts import mesh_contacts
+from gpudem.solver.mesh_contacts import mesh_contacts, triangle_apart
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import structs
 from gpudem.solver.wall_frames import element_surface, wall_frame
@@ -280,7 +280,7 @@ def step_kernel(spec: Spec) -> Any:
     nearest = nearest_image(spec.periodic, spec.precision)
     surface = element_surface(spec) if spec.has_walls else None
     velocity_of_wall = wall_frame(spec).velocity
-    decide_on_triangles = mesh_contacts(spec) if spec.meshes else None
+    decide_on_triangles, makes_no_contact = mesh_contacts(spec), triangle_apart(spec)
     fast_gap = fast_floor_gap(spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -361,17 +361,15 @@ def step_kernel(spec: Spec) -> Any:
             contacts += 1 + add_to_partner(particles, i, j, block_end, f, torque_j)
             store(particles, k, entry, j, spring, rolling, mode)
 
-        if wp.static(bool(spec.meshes)):
-            decide_on_triangles(params, walls, particles, launch, x, radius, first_wall, last)
         if wp.static(spec.has_walls):
+            decide_on_triangles(params, walls, particles, launch, x, radius, first_wall, last)
             for k in range(first_wall, last):
                 entry = get_int(particles.neighbor, k)
                 other = partner(entry)
                 wall, gap, normal = surface(params, walls, launch, other - params.n, x)
-                if wp.static(bool(spec.meshes)):
-                    if other - params.n >= params.walls and particles.mesh_leader[k] != k:
-                        part(particles, k, entry, other)
-                        continue
+                if makes_no_contact(params, particles, k, other):
+                    part(particles, k, entry, other)
+                    continue
                 v_wall = wide3()
                 if wp.static(spec.moving_walls):
                     at = launch * params.walls + wall

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gpudem.scene import Box, Contact, Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
-from gpudem.scene.sections import Side, Vibration
+from gpudem.scene.walls import Side, Vibration
 
 RADIUS = 0.02
 

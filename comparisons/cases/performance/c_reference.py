@@ -24,7 +24,7 @@ from gpudem.errors import GpudemError
 from gpudem.event_driven.engine import Engine
 from gpudem.event_driven.problem import HardSphereProblem
 from gpudem.scene import Box, Contact, Domain, Explicit, Material, Pair, Plane, Scene, Time
-from gpudem.scene.sections import Vibration
+from gpudem.scene.walls import Vibration
 
 Search = Literal["tree", "scan", "pairs"]
 SEARCHES: tuple[Search, ...] = ("tree", "scan", "pairs")
