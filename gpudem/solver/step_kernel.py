@@ -370,10 +370,8 @@ def step_kernel(spec: Spec) -> Any:
                 if makes_no_contact(params, particles, k, other):
                     part(particles, k, entry, other)
                     continue
-                v_wall = wide3()
-                if wp.static(spec.moving_walls):
-                    at = launch * params.walls + wall
-                    v_wall = velocity_of_wall(walls, at, wall, x - gap * normal, normal)
+                at = launch * params.walls + wall
+                v_wall = velocity_of_wall(walls, at, wall, x - gap * normal, normal)
                 if wp.static(spec.fast_floors):
                     gap = fast_gap(params, walls, particles, k, wall, gap, normal, radius, v, dt)
                 wall_pair = laws.wall_pairs[wall * params.materials + material]  # mutate: wall_coefficients
