@@ -17,8 +17,8 @@ from comparisons.oracles import closed_forms
 
 PAPER = "Chung and Ooi 2011"
 FIRST_ORDER = (
-    "dashpots see half-step velocities, and sticking and slip begin at whole steps: about first order,"
-    " scattered by where in a step they begin"
+    "dashpots use half-step velocities, and sticking and slip begin at whole steps: about first order,"
+    " scattered with their phase within a step"
 )
 
 

@@ -14,7 +14,7 @@ from comparisons.report import plots
 from gpudem.output.run import Run
 
 TESTS = (T1, T2, T3)
-FIRST_ORDER = "the dashpot sees half-step velocities: first order, larger for smaller e"
+FIRST_ORDER = "the dashpot uses half-step velocities: first order, larger for smaller e"
 #: What the force is published against -> tolerance of test 1, of test 2.
 PUBLISHED = {"time": (1.5e-2, 4e-3), "displacement": (7e-3, 1.7e-2)}
 
@@ -77,8 +77,8 @@ def force_checks(test: Test) -> tuple[kit.PerCode, ...]:
                 f"T{test.number}: force against {against}, sum |difference| / sum |published|",
                 lambda results, code, against=against: paper(results, code, test, against),
                 tolerance=bounds[test.number - 1], against=PAPER, mark="P",
-                reason="points read from print to 0.3 us and 0.04 kN: Hertz' exact curve differs from them as"
-                " much; Kratos states 0.2 to 0.3 %",
+                reason="points read from print to within 0.3 us and 0.04 kN: the exact Hertz curve differs"
+                " from them by as much; Kratos states 0.2 to 0.3 %",
                 catches="a misread parameter of the benchmark",
             )
             for against, bounds in PUBLISHED.items()
@@ -145,10 +145,10 @@ CASE = kit.Case(
     title="Chung and Ooi, tests 1 to 3: normal impacts",
     purpose=(
         "The usual benchmark of DEM codes, normal impacts: two spheres of glass or limestone at 20 m/s; a"
-        " sphere of 100 mm on a rigid plane at 0.2 m/s; restitution 0.2 to 1 for alumina and cast iron at"
-        " 3.9 m/s. Force against time and overlap must be Hertz', and the restitution that comes out the one"
-        " put in, for every material. The plane is rigid in the paper: sphere and plane of twice the modulus"
-        " have exactly the contact of the sphere on a rigid plane."
+        " sphere of 100 mm on a rigid plane at 0.2 m/s; restitution 0.2 to 1 for alumina and cast iron at 3.9"
+        " m/s. Force against time and overlap must be that of Hertz' law, and the resulting restitution must"
+        " be the stated one, for every material. The plane is rigid in the paper: sphere and plane of twice"
+        " the modulus have exactly the contact of the sphere on a rigid plane."
     ),
     source=(
         "Chung and Ooi, Granular Matter 13 (2011) 643; curves digitized by the Kratos project; Hertz (1882);"
@@ -181,8 +181,8 @@ CASE = kit.Case(
         force_figure(T2),
         kit.Figure(
             "Test 3: restitution",
-            "The restitution that comes out is the one put in, for both materials; the difference is the"
-            " error of the time step, which the codes have in common.",
+            "The resulting restitution is the stated one, for both materials; the difference is the error of"
+            " the time step, which the codes have in common.",
             restitution,
         ),
     ),

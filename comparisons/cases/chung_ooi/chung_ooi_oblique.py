@@ -44,11 +44,13 @@ CASE = kit.Case(
             against="FEM, Wu et al. 2003", within=(8.0, 14.0),
         ),
         coulomb(
-            T4, "T4_", (0.995, 1.005), "little tension at e = 0.98: 0.1 %; the first touch sticks briefly",
-            "friction not capped at mu F_n",
+            T4, "T4_", (0.995, 1.005), "at e = 0.98 the tensile force adds 0.1 %; the contact sticks briefly"
+                " at its beginning",
+            "friction not limited to mu F_n",
         ),
         coulomb(
-            T5, "T5_", (1 - 1e-6, 1 + 1e-6), "e = 1: no pull, no dashpot", "friction not capped at mu F_n"
+            T5, "T5_", (1 - 1e-6, 1 + 1e-6), "e = 1: no tensile force, no"
+                " dashpot", "friction not limited to mu F_n"
         ),
     ),
     figures=(

@@ -24,7 +24,7 @@ OPTIONS: dict[str, tuple[Test, Contact, str]] = {
     "default": (T6, Contact(), "default"),
     "coulomb": (T6, COULOMB, "limit_force, no tangential dashpot"),
     "limited": (T6, Contact(limit_force=True), "limit_force"),
-    "corrected": (T6_CORRECTED, COULOMB, "limit_force, no tangential dashpot, e = 0.435 put in"),
+    "corrected": (T6_CORRECTED, COULOMB, "limit_force, no tangential dashpot, e = 0.435 stated"),
 }
 BOTH = {"al_alloy": "Al_alloy", "nylon": "nylon"}
 LONG = dict.fromkeys(kit.LONG, 1e-3)
@@ -93,13 +93,13 @@ CASE = kit.Case(
     name="chung_ooi_spin",
     title="Chung and Ooi, tests 6 and 7: spinning spheres",
     purpose=(
-        "Spheres of 200 mm fall on a rigid plane without tangential velocity but with spin, e = 0.5:"
-        " friction must turn spin into velocity. With much spin the contact slides throughout, and Coulomb's"
-        " law as an impulse is exact. LIGGGHTS' default law takes up to 18 % more from these impacts: the"
-        " friction limit is mu |F_n| also while the contact pulls, and the dashpot is added after the limit."
-        " With limit_force and without the dashpot it obeys Coulomb's law, but another restitution comes"
-        " out. Test 7: two equal spheres of opposite spin collide while they roll on each other: only the"
-        " normal velocity may change."
+        "Spheres of 200 mm fall on a rigid plane without tangential velocity but with spin, e = 0.5: friction"
+        " must convert spin into velocity. At high spin the contact slides throughout, and Coulomb's law as"
+        " an impulse is exact. With LIGGGHTS' default law these impacts lose up to 18 % more: the friction"
+        " limit is mu |F_n| also while the normal force is tensile, and the dashpot is added after the limit."
+        " With limit_force and without the dashpot the law obeys Coulomb's law, but the resulting restitution"
+        " is not the stated one. Test 7: two equal spheres of opposite spin collide while they roll on each"
+        " other: only the normal velocity may change."
     ),
     source="Chung and Ooi, Granular Matter 13 (2011) 643; digitized by the Kratos project.",
     variants=_variants,
@@ -110,16 +110,18 @@ CASE = kit.Case(
         *against_ode(T6, "T6_coulomb", {"quick": 2e-3, **LONG}, (0.6, 1.6), FIRST_ORDER),
         coulomb(
             T6, "T6_coulomb", (0.992, 1.002),
-            "no pull, no dashpot; the normal dashpot makes the first touch stick for an instant: up to 0.7 %",
-            "friction not capped at mu F_n, a cap that does not include the dashpot",
+            "no tensile force, no tangential dashpot; the normal dashpot makes the contact stick for an"
+            " instant at its beginning: up to 0.7 %",
+            "friction not limited to mu F_n, a limit that does not include the dashpot",
         ),
         coulomb(
             T6, "T6_default", (1.16, 1.19),
-            "not a success: the size of what the default law does, 18 % here, the same in both codes",
+            "not an agreement with theory, but a property of the default law: 18 % here, the same in both"
+            " codes",
             "a default that is not LIGGGHTS'", tiers=kit.LONG,
         ),
         coulomb(
-            T6_CORRECTED, "T6_corrected", (0.992, 1.002), "as above, for the e = 0.5 that comes out",
+            T6_CORRECTED, "T6_corrected", (0.992, 1.002), "as above, for the resulting e = 0.5",
             "a restitution under limit_force other than its closed form", tiers=kit.LONG,
         ),
         against_published(
@@ -145,10 +147,10 @@ CASE = kit.Case(
             "Test 6: effect of the options of the law",
             "Lines: exact law. For X < 1 the contact slides, and all points should be on the dotted line. The"
             " default loses up to 18 % more than Coulomb's law allows, since the friction limit is mu |F_n|"
-            " also while the contact pulls. With limit_force on and the tangential dashpot off it obeys"
-            " Coulomb's law, but 0.55 comes out where 0.5 was put in; with 0.435 put in, 0.5 comes out, and"
-            " the line is the paper's. For X > 1, where the contact sticks, the published points are nearest"
-            " to limit_force with the dashpot.",
+            " also while the normal force is tensile. With limit_force on and the tangential dashpot off it"
+            " obeys Coulomb's law, but the restitution is 0.55 where 0.5 was stated; with 0.435 stated it is"
+            " 0.5, and the curve is that of the paper. For X > 1, where the contact sticks, the published"
+            " points are nearest to limit_force with the dashpot.",
             _options,
         ),
         figures.curves(

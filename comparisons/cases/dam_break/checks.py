@@ -138,8 +138,8 @@ AT_REST = kit.per_code(
     tolerance={"quick": 2.5e-3, "standard": 5e-4, "full": 5e-4}, against="rest",
     reason="a correct bed has 0.0014 left after 0.3 s (quick tier) and 0.0001 after 0.5 s, where the smallest"
     " defect leaves 0.001",
-    catches="contacts that add energy: damping of the wrong sign (it leaves 0.002 to 0.07), a spring a tenth"
-    " stiffer on its way out (0.001 to 0.004)",
+    catches="contacts that add energy: damping of the wrong sign (it leaves 0.002 to 0.07), a spring that is"
+    " a tenth stiffer during unloading (0.001 to 0.004)",
 )  # fmt: skip
 
 

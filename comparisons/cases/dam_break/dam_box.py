@@ -101,7 +101,7 @@ def _table(results: kit.Results) -> kit.Rows:
 
 CASE = kit.Case(
     name="dam_box",
-    title="The dam break in its whole box",
+    title="Dam break in the whole box",
     purpose=(
         "The box of the experiment with its front and back walls, gate at 200 mm, modulus reduced to 5 MPa."
         " The full tier has the paper's 120 000 balls of 3 mm, shorter tiers take larger balls. A run of that"

@@ -34,9 +34,9 @@ def variants(tier: kit.Tier) -> list[kit.Variant]:
 
 
 TEST = (
-    "exact permutation of the largest standardized gap over all metrics (Westfall and Young), no significant"
-    " difference at 0.01: a granular flow is chaotic, so that only distributions can agree; it corrects for"
-    " the number of metrics and assumes no distribution, since heights come in layers"
+    "exact permutation test of the largest standardized difference over all metrics (Westfall and Young), no"
+    " significant difference at 0.01: a granular flow is chaotic, so that only distributions can agree; it"
+    " corrects for the number of metrics and assumes no distribution, since heights come in layers"
 )
 #: Codes against each other: distributions over seeds, and the single runs of the three gates.
 BETWEEN = (
@@ -102,12 +102,12 @@ CASE = kit.Case(
     purpose=(
         "A bulk flow: polystyrene balls behind a gate, 200, 300 or 400 mm from the end of an acrylic box,"
         " collapse when it is removed, run to the far wall and come to rest. It was done as an experiment and"
-        " on a GPU in 2014. Two codes give no flow that agrees ball by ball, so that they are compared over"
-        " seeds: is their difference more than the scatter of each? Then with the paper: heights every 100 mm"
-        " within its 8 mm, first ball at the far wall between its measured 0.49 s and its simulated 0.54 s."
-        " Friction is not printed there; the sweep shows its influence. The standard tier is a periodic slice"
-        " three balls deep with Young's modulus reduced from 3.25 GPa to 5 MPa; the full tier is the whole"
-        " box with the true modulus."
+        " on a GPU in 2014. The flows of two codes do not agree ball by ball, so they are compared over"
+        " seeds: is their difference larger than the scatter within each code? Then with the paper: heights"
+        " every 100 mm within its 8 mm, first ball at the far wall between its measured 0.49 s and its"
+        " simulated 0.54 s. Friction is not printed there; the sweep shows its influence. The standard tier"
+        " is a periodic slice three balls deep with Young's modulus reduced from 3.25 GPa to 5 MPa; the full"
+        " tier is the whole box with the true modulus."
     ),
     source="Park, Jun, Sohn and Lee, Trans. KSME, 2014 (in Korean).",
     variants=variants,

@@ -31,7 +31,11 @@ def fronts(axes: Any, results: kit.Results, prefix: str, look: Callable[[str], d
             run = results[label, code]
             axes.plot(dam.kinetic(run)[0], 1e3 * run.history["front_x"], **look(code))
     paper_lines(axes.axvline, "far wall: ")
-    axes.set(xlabel="time after the opening [s]", ylabel="center of the first ball [mm]", xlim=(-0.05, None))
+    axes.set(
+        xlabel="time after the gate is removed [s]",
+        ylabel="center of the first ball [mm]",
+        xlim=(-0.05, None),
+    )
 
 
 def _differences(axes: Any, curves: dict[str, np.ndarray]) -> None:
@@ -126,9 +130,11 @@ def sweep(results: kit.Results) -> plots.Figure:
 def metrics_table(results: kit.Results) -> kit.Rows:
     """Every metric: mean and spread of each code, difference, its interval, p before and after correction."""
     return [
-        {"metric": name, plots.name(a): c.mean[0], "standard deviation": c.spread[0],
-         plots.name(b): c.mean[1], "standard deviation ": c.spread[1], "difference": c.difference,
-         "+- (95 %)": c.half_width, "p (Welch)": c.p, "p (corrected)": c.corrected}
+        {"metric": name,
+         f"{plots.name(a)}: mean": c.mean[0], f"{plots.name(a)}: standard deviation": c.spread[0],
+         f"{plots.name(b)}: mean": c.mean[1], f"{plots.name(b)}: standard deviation": c.spread[1],
+         "difference of means": c.difference, "half of its 95 % interval": c.half_width,
+         "p (Welch)": c.p, "p (corrected)": c.corrected}
         for a, b in codes.pairs(results.codes())
         for name, c in checks.compared(results, a, b).items()
     ]  # fmt: skip

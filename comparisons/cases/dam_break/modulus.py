@@ -182,8 +182,9 @@ def same(who: str, needs: tuple[str, ...], *pair: kit.Configuration, **fields: A
     return kit.Check(
         name=f"dam break at the hardest modulus: least corrected p over all metrics ({who})",
         measure=lambda results: smallest_p(results, *pair), lo=ALPHA, tolerance=1.0, unit="1", needs=needs,
-        tiers=TIERS, reason="exact permutation of the largest standardized gap over the seeds; no significant"
-        " difference at 0.01", catches="forces rounded so that grains stick, creep or gain energy", **fields,
+        tiers=TIERS, reason="exact permutation test of the largest standardized difference over the seeds; no"
+        " significant difference at"
+        " 0.01", catches="forces rounded so that grains stick, creep or gain energy", **fields,
     )  # fmt: skip
 
 

@@ -85,7 +85,7 @@ def without_memory(
 def _restitution_table(results: kit.Results) -> kit.Rows:
     found = {plots.name(code): rebounds(results, code) for code in results.codes()}
     return [
-        {"speed [m/s]": speed, "put in": paper_scenes.PUT_IN,
+        {"speed [m/s]": speed, "stated restitution": paper_scenes.PUT_IN,
          "ODE, gamma sqrt(R h) v": f"{paper_scenes.restitution(speed, False):.8g}",
          "ODE, gamma sqrt(R) h v": f"{paper_scenes.restitution(speed, True):.8g}"}
         | {code: f"{e[k]:.8g}" for code, e in found.items()}
@@ -111,7 +111,7 @@ def _figure(results: kit.Results) -> plots.Figure:
             look = {"ls": "-" if code == "gpudem" else (0, (4, 2)), "lw": 1.2, "color": plots.SERIES[k]}
             left.semilogy(time[time > 0], energy[time > 0], label=f"{name}, {plots.name(code)}", **look)
             right.plot(1e3 * dam.PROFILE_AT, 1e3 * dam.heights(results, label, code), **look)
-    left.set(xlabel="time after the opening [s]", ylabel="kinetic energy [J]")
+    left.set(xlabel="time after the gate is removed [s]", ylabel="kinetic energy [J]")
     right.set(xlabel="x [mm]", ylabel="height at the end [mm]")
     plots.legend(left, fontsize=7.5)
     return figure
@@ -122,12 +122,12 @@ CASE = kit.Case(
     title="The paper's contact law as printed",
     purpose=(
         "The law of Park et al. as it is printed. Its damping (equations 7, 11, 12) combines the formula of a"
-        " linear spring with a Hertz coefficient, and the units do not match: in SI units 0.9 put in gives a"
-        " restitution of 0.9998, or 0.999999 by the other reading of equation 7. Its friction (equation 8)"
-        " has the displacement of one step only, which is a viscous force k_s dt v: no heap can rest on it,"
-        " and the coefficient is proportional to the time step. Equations 6, 7 and 8 are exactly"
-        " hertz/stiffness with no_history; k_s is Mindlin's, which the paper does not print. A small dam"
-        " break shows both, beside the same law with contact history."
+        " linear spring with a Hertz coefficient, and the units do not match: in SI units a stated"
+        " restitution of 0.9 results in 0.9998, or in 0.999999 by the other reading of equation 7. Its"
+        " friction (equation 8) has the displacement of one step only, which is a viscous force k_s dt v: no"
+        " heap can come to rest with it, and its coefficient is proportional to the time step. Equations 6, 7"
+        " and 8 are exactly hertz/stiffness with no_history; k_s is Mindlin's, which the paper does not"
+        " print. A small dam break shows both, beside the same law with contact history."
     ),
     source="Park, Jun, Sohn and Lee, Trans. KSME, 2014, equations 6 to 12; ODE: DOP853.",
     variants=variants,
@@ -141,7 +141,7 @@ CASE = kit.Case(
         ),
         without_memory(
             "kinetic energy at the end, heap without memory / with memory", "mJ", late_energy, lo=10.0,
-            tolerance=1e6, reason="without memory a heap creeps: measured values are 20 to 200",
+            tolerance=1e6, reason="without contact history a heap creeps: measured values are 20 to 200",
         ),
         without_memory(
             "height of the center of mass at the end, without memory / with memory", "mm",
@@ -150,7 +150,7 @@ CASE = kit.Case(
         checks.early(
             "heaps: center of mass in the first 0.07 s, largest distance between the codes / diameter",
             prefix="heap_", tiers=LONG, reason="rounding, before chaos",
-            catches="`no_history` of another form in a bulk of contacts",
+            catches="another form of `no_history`, with many contacts at once",
         ),
     ),
     findings=(
@@ -164,19 +164,22 @@ CASE = kit.Case(
     ),
     figures=(
         kit.Figure(
-            "A heap without memory",
-            "Left: kinetic energy; without memory the heap creeps on. Right: the heap at the end. After the"
-            " first tenths of a second the codes agree in the shape of the heap, not ball by ball.",
+            "A heap without contact history",
+            "Left: kinetic energy; without contact history the heap continues to creep. Right: the heap at"
+            " the end. After the first tenths of a second the codes agree in the shape of the heap, not ball"
+            " by ball.",
             _figure, tiers=LONG,
         ),
     ),
     tables=(
         kit.Table(
-            "Restitution", "What results; the second reading cannot be stated in the codes.",
+            "Restitution", "Resulting restitution; the second reading of equation 7 cannot be stated in the"
+                " codes.",
             _restitution_table,
         ),
         kit.Table(
-            "Heaps", "515 balls of 20 mm, reduced modulus, 1.5 s after the opening.", _heap_table, tiers=LONG
+            "Heaps", "515 balls of 20 mm, reduced modulus, 1.5 s after the gate is"
+                " removed.", _heap_table, tiers=LONG
         ),
     ),
     features=("normal hertz/stiffness", "tangential no_history", "damping", "sphere-sphere", "bulk flow"),

@@ -115,7 +115,7 @@ def against_ode(
         }
 
     kinds = [
-        (False, damped, "damped or sticking", "the dashpots see half-step velocities, slip and stick begin at"
+        (False, damped, "damped or sticking", "the dashpots use half-step velocities, slip and stick begin at"
          " whole steps: first order in the step, up to 5e-3; times two"),
         (True, elastic, "elastic, slip from the first touch", "second order in the step without dashpots: up"
          " to 5e-5; times two"),
@@ -150,7 +150,8 @@ def happens(
 
     return kit.per_code(
         f"{name}: shortfall below {least:g}", measure, tolerance=0.0, unit=unit,
-        against="what the scene is made for",
-        reason="an exact statement; otherwise the other checks of this scene show less than they say",
+        against="condition of the scene",
+        reason="a condition that must hold exactly: without it the other checks of this scene test less than"
+            " they state",
         catches=catches,
     )  # fmt: skip

@@ -54,8 +54,8 @@ def through(label: str, encounters: Sequence[Encounter], title: str, exactly: bo
 
     return kit.Figure(
         title,
-        "Overlaps of all contacts of the first ball and its partner, then speed and spin of that ball; the"
-        f" codes over one another{', and the exact motion' if exactly else ''}.",
+        "Top: overlaps of all contacts of the first ball and its partner. Below: its speed, and radius times"
+        f" angular velocity. The curves of the codes coincide{', and the exact motion' if exactly else ''}.",
         draw,
     )
 
@@ -78,7 +78,8 @@ def table(of: Encounters) -> kit.Table:
 
     return kit.Table(
         "Encounters",
-        "Contacts as the first code has them; stick and slip of each by the ODE, from touch to separation.",
+        "Contacts in the run of the first code; stick and slip phases of each by the ODE, from its beginning"
+        " to separation.",
         make,
     )
 

@@ -72,20 +72,20 @@ def contacts(run: Run) -> dict[str, float]:
 
 
 CATCHES = (
-    "a tangential spring that is kept after the separation, and acts at the next contact of the same two:"
-    " of a ball and a wall, or of two balls"
+    "a tangential spring that is kept after the separation, and acts at the next contact of the same pair: a"
+    " ball and a wall, or two balls"
 )
 CASE = kit.Case(
     name="meet_again",
-    title="The same two meet again",
+    title="Repeated contacts of the same pair",
     purpose=(
-        "A tangential spring begins at zero with each contact. A code that keeps it in the list of"
-        " neighbors, where the entry outlives the contact, starts the next one with the spring that the last"
-        " one left. Balls bounce from a floor to a ceiling 12 um above them and back to the floor; two balls"
-        " part, and the walls send them back to one another, before any list is rebuilt. Impacts with"
-        " restitution below 1 and back spin end in stick and leave the spring stretched against the slip of"
-        " the next one. (LIGGGHTS keeps the spring of two balls with its default contact_distance_factor;"
-        " its decks here set 1.01.)"
+        "The tangential spring of each contact begins at zero. A code that stores it in the neighbor list,"
+        " whose entry lasts longer than the contact, may begin the next contact of the same pair with the"
+        " spring of the last one. Balls bounce from a floor to a ceiling 12 um above them and back to the"
+        " floor; two balls separate, bounce from walls and collide again, before the list is rebuilt. Impacts"
+        " with restitution below 1 and backspin end in stick, with a spring that would act against the slip"
+        " of the next impact. (LIGGGHTS keeps the spring of two balls with its default"
+        " contact_distance_factor; its decks here set 1.01.)"
     ),
     source="The law of LIGGGHTS' manual (hertz, tangential history) by DOP853, impact after impact.",
     variants=lambda tier: [
@@ -94,14 +94,14 @@ CASE = kit.Case(
     checks=(
         happens(
             "contacts of the same two, smallest number", 2, "contacts", contacts, tuple(ALL),
-            "a scene in which the two do not meet again",
+            "a scene in which the pair does not come into contact again",
         ),
         *step_by_step(ALL, CATCHES),
         *against_ode(ALL, CATCHES),
     ),
     figures=(
         figures.through("wall_twice", WALL_TWICE, "Floor, ceiling, floor"),
-        figures.through("pair_twice", PAIR_TWICE, "Two balls part and meet again"),
+        figures.through("pair_twice", PAIR_TWICE, "Two balls separate and collide again"),
     ),
     tables=(figures.table(ALL),),
     features=("normal hertz", "damping", "tangential history", "wall plane", "sphere-sphere", "rotation"),

@@ -92,20 +92,19 @@ def crossings(run: Run) -> dict[str, float]:
 
 
 CATCHES = (
-    "springs that are lost, turned round or given to another pair when the list is rebuilt; the velocity of"
+    "springs that are lost, reversed or assigned to another pair when the list is rebuilt; the velocity of"
     " the frame in a force; a contact point, a normal or a spring without the nearest image; a spring that is"
     " lost when one of the two is moved to the other side"
 )
 CASE = kit.Case(
     name="moving_pairs",
-    title="In contact while the list is rebuilt, and across a periodic side",
+    title="Contacts during a rebuild of the neighbor list, and across a periodic side",
     purpose=(
-        "A contact force must not depend on what the solver does with its list. Pairs meet obliquely, with"
-        " friction, as in the case of oblique impacts, but fly at 50 m/s past one another and past balls at"
-        " rest: during each contact the list of neighbors has to be rebuilt several times, rows are sorted"
-        " anew, partners change their places and new ones come in between. And pairs meet across periodic"
-        " sides, one ball on each, and cross the side while they touch. The exact motion has neither list"
-        " nor sides."
+        "A contact force must not depend on the neighbor list. Pairs collide obliquely, with friction, while"
+        " both balls fly at 50 m/s past other pairs and past balls at rest: during each contact the list is"
+        " rebuilt several times, particles are sorted anew, partners change their position in the list and"
+        " new ones are inserted between them. Other pairs collide across periodic sides, one ball on each"
+        " side, and cross the side while in contact. The exact motion has neither a list nor sides."
     ),
     source="Galilean and translational invariance; the law of LIGGGHTS' manual by DOP853.",
     variants=lambda tier: [kit.Variant("moving", moving()), kit.Variant("across", across())],

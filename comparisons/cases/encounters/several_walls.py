@@ -143,14 +143,14 @@ CASE = kit.Case(
     name="several_walls",
     title="Two walls at once, a gate, a box with an open side",
     purpose=(
-        "Mistakes that need more than one wall to show. Balls fly into the edge of two rough walls and"
-        " touch both at once: one slides in opposite directions on them; two are mirror images of one"
-        " another, as the walls are, and must stay so to rounding, which a spring that two walls share does"
-        " not allow. A gate is removed in the middle of five contacts: the ball on the gate flies on at the"
-        " speed that it has, while the springs of the ball on the floor and of two balls stay as they are. A"
-        " box has five sides; a ball leaves where the sixth would be, and feels no force."
+        "Defects that appear only with more than one wall. Balls hit the edge between two rough walls and"
+        " touch both at once. One of them slides in opposite directions on the two walls; two others are"
+        " mirror images of each other, as the walls are, and must remain so to rounding, which a spring"
+        " shared by two walls would not allow. A gate is removed during five contacts: the ball on the gate"
+        " continues at the speed that it has, while the springs on the floor and between two balls do not"
+        " change. A box has five sides: a ball that leaves through the missing sixth is subject to no force."
     ),
-    source="Mirror symmetry; the law of LIGGGHTS' manual by DOP853, and in small steps.",
+    source="Mirror symmetry; the law of LIGGGHTS' manual by DOP853, and with small time steps.",
     variants=lambda tier: [
         kit.Variant("corner", corner()), kit.Variant("gate", gate()), kit.Variant("open_box", open_box())
     ],
@@ -178,7 +178,7 @@ CASE = kit.Case(
         kit.per_code(
             "gate: force on the ball where the gate was / (mass x 1 m/s / step)", after_the_gate,
             tolerance=0.0, against="no wall, no force", reason="an exact statement",
-            catches="a gate that stays, or is removed late; a contact that outlives its wall",
+            catches="a gate that stays, or is removed late; a contact that remains after its wall is removed",
         ),
         kit.per_code(
             "open_box: distance of the passing ball from a straight line / radius", passes, tolerance=1e-11,
@@ -195,7 +195,7 @@ CASE = kit.Case(
         ),
     ),
     figures=(
-        figures.through("corner", CORNER, "In the edge of two walls", exactly=False),
+        figures.through("corner", CORNER, "At the edge between two walls", exactly=False),
         figures.through("gate", AT_THE_GATE, "A gate is removed at 35 us"),
     ),
     tables=(figures.table(SOLVED),),

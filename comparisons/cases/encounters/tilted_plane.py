@@ -62,8 +62,8 @@ def against_itself(code: str) -> tuple[kit.Check, ...]:
 
 NAME = "tilted and turned back: velocity and R x spin, largest difference over all steps / (1 m/s)"
 REASON = (
-    "the same physics in turned axes: what is left is the rounding of positions that are turned, 1e-18 m, by"
-    " an overlap of 1e-5 m; ten to a hundred times what was measured"
+    "the same physics in rotated axes: the rounding of the rotated positions, 1e-18 m, relative to an overlap"
+    " of 1e-5 m remains; the tolerance is ten to a hundred times the measured value"
 )
 CATCHES = (
     "a normal that is used without being brought to length one; a gap, an offset or a friction that is right"
@@ -73,11 +73,11 @@ CASE = kit.Case(
     name="tilted_plane",
     title="Impacts on a tilted plane",
     purpose=(
-        "A contact force does not depend on the direction of the axes. Six oblique impacts with friction on"
-        " a plane across z, whose normal is stated with length 2.5, and the same six turned in space, with a"
-        " normal of length 0.4 and three components. LIGGGHTS has planes across the axes only, so that it"
-        " runs the first; the tilted run is turned back and must agree with it to rounding, as it must with"
-        " the run of the same code that is not tilted, and both with the exact motion."
+        "A contact force does not depend on the direction of the axes. Six oblique impacts with friction on a"
+        " plane across z, whose normal is stated with length 2.5, and the same six rotated in space, with a"
+        " normal of length 0.4 and three components. LIGGGHTS has only planes perpendicular to an axis, so it"
+        " runs the first; the tilted run is rotated back and must agree to rounding with LIGGGHTS' run and"
+        " with the untilted run of the same code, and all of them with the exact motion."
     ),
     source="Rotation of the frame; the law of LIGGGHTS' manual (hertz, tangential history) by DOP853.",
     variants=lambda tier: [  # LIGGGHTS has planes across the axes only

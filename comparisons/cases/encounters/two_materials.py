@@ -52,7 +52,8 @@ CASE = kit.Case(
     purpose=(
         "Six oblique impacts of balls of three materials, whose Poisson ratios are 0.1, 0.34 and 0.49 and"
         " whose radii and densities differ; each pair of materials has its own restitution and friction. The"
-        " effective shear modulus enters friction only, so that a wrong one is not seen without it."
+        " effective shear modulus enters the tangential force only, so that an error in it is not detected"
+        " without friction."
     ),
     source="The law of LIGGGHTS' manual (hertz, tangential history) by DOP853.",
     variants=lambda tier: [kit.Variant("two_materials", scene())],

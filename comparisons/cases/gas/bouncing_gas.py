@@ -192,7 +192,10 @@ def _equilibrium(results: kit.Results) -> plots.Figure:
     axes.stairs(share, edges, color=plots.color(HARD), lw=1.5, label="event-driven")
     law = (1 - found.layer) * found.phi / np.trapezoid(found.phi, found.height / DIAMETER)
     axes.plot(found.height / DIAMETER, law, "k", lw=0.9, label="local equilibrium at one T")
-    axes.set(xlabel="height above touching / diameter", ylabel="fraction of the spheres per diameter")
+    axes.set(
+        xlabel="height of the center above its lowest / diameter",
+        ylabel="fraction of the spheres per diameter",
+    )
     axes.set(yscale="log", xlim=(0, 14), ylim=(3e-3, 0.4))
     plots.legend(axes)
     return figure
@@ -250,11 +253,11 @@ EQUILIBRIUM_CHECKS: tuple[tuple[str, Callable[[kit.Results], kit.Found], float, 
 
 CASE = kit.Case(
     name="bouncing_gas", title="A gas bounces on a floor: three engines",
-    purpose="Spheres fall on an elastic floor. Without loss they come to rest as a column of one"
-    " temperature, whose height, profile and impacts on the floor follow from the energy of the start: a"
-    " test of the event-driven engine. With loss, e = 0.95, the column sinks while omega t_c grows. From the"
-    " same starts all codes must sink alike, up to the scatter of the seeds and the time a soft contact"
-    " takes.",
+    purpose="Spheres fall on an elastic floor. Without loss they come to rest as a column of one temperature,"
+    " whose height, profile and impacts on the floor follow from the energy of the start: a test of the"
+    " event-driven engine. With loss, e = 0.95, the column sinks while omega t_c grows. From the same initial"
+    " states the columns of all codes must sink equally, up to the scatter of the seeds and the effect of the"
+    " finite contact time.",
     source="Carnahan and Starling (1969); contact theorem and second virial coefficient at a hard wall.",
     variants=variants,
     checks=(

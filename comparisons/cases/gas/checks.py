@@ -27,12 +27,12 @@ def early_checks() -> tuple[kit.PerPair, ...]:
         pushed = np.linalg.norm(ours.trace["force"] - weight, axis=2) > 1e-9 * np.linalg.norm(weight)
         touched = int(pushed.any(axis=0).sum())
         if touched < 20:
-            return kit.Measured(float("nan"), note=f"only {touched} spheres touched another")
+            return kit.Measured(float("nan"), note=f"only {touched} spheres had a contact")
         scale = 1.0
         if column == "position":  # wrapped or not
             edge, scale = ours.scene.domain.hi[0], gases.DIAMETER
             b = b + edge * np.round((a - b) / edge)
-        return kit.Measured(largest_difference(a, b, scale), note=f"{touched} spheres touched another")
+        return kit.Measured(largest_difference(a, b, scale), note=f"{touched} spheres had a contact")
 
     return tuple(
         kit.per_pair(

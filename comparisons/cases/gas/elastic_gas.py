@@ -208,9 +208,9 @@ CASE = kit.Case(
         ),
         kit.per_code(
             "energy, largest change over the run", drift, tolerance=1e-3, against="conservation",
-            reason=f"{STEPS} steps per contact: the step in which a contact begins or ends errs either way,"
-            " and the errors do not accumulate",
-            catches="a force that lags by a step, which heats or cools the gas by per cents",
+            reason=f"{STEPS} steps per contact: the steps in which contacts begin and end have errors of"
+            " either sign, which do not accumulate",
+            catches="a force that lags by a step, which heats or cools the gas by several per cent",
         ),
         hard(
             f"energy, largest change over the run ({HARD})", lambda results: drift(results, HARD), 1e-10,

@@ -169,8 +169,8 @@ def _figure(results: kit.Results) -> plots.Figure:
 
 def _table(results: kit.Results) -> kit.Rows:
     return [
-        {"of": kind.name, "fraction [1]": kind.fraction(value), "Z [1]": row["Z"][0],
-         "theory [1]": row["Z"][1],
+        {"system": kind.name, "fraction [1]": kind.fraction(value), "Z [1]": row["Z"][0],
+         "theory: Z [1]": row["Z"][1],
          "Henderson [1]":
              gas.disk_compressibility(value, gas.henderson(value)) if kind is DISKS else math.nan,
          "collision rate [1/s]": row["collision rate"][0], "theory [1/s]": row["collision rate"][1]}

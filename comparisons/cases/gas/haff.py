@@ -110,10 +110,10 @@ CASE = kit.Case(
     name="haff", title="A cooling granular gas: Haff's law",
     purpose="A gas of inelastic spheres in a periodic box loses (1 - e^2)/4 m v_n^2 in each collision, and"
     " the collisions become rarer as it cools: T = T0/(1 + t/tau)^2. Thousands of collisions at all speeds"
-    " and angles, in the bulk and across the periodic sides, must have the restitution and the rate of"
-    " theory. The trajectories are chaotic: the codes are compared step by step over the first collisions,"
-    " and by their means over seeds after that. Hard spheres from the same starts show what Enskog's theory"
-    " leaves out.",
+    " and angles, in the bulk and across the periodic sides, must have the restitution and the collision rate"
+    " of theory. The trajectories are chaotic: the codes are compared step by step over the first collisions,"
+    " and by their means over seeds after that. Hard spheres from the same initial states show what Enskog's"
+    " theory neglects.",
     source="Haff (1983); van Noije and Ernst (1998), Sonine coefficient; Carnahan and Starling (1969).",
     variants=variants,
     checks=(
@@ -121,8 +121,8 @@ CASE = kit.Case(
         kit.per_code(
             "slope of T^-1/2, mean over the seeds, relative error, {tier}", against_theory, also=(HARD,),
             tolerance={"quick": 0.10, "standard": 0.06, "full": 0.06}, against="Enskog theory",
-            reason="a seed of 1000 spheres (some 7000 collisions) scatters by 1 to 2 %; Enskog leaves out"
-            " the correlation of velocities, which slows the cooling by some 3 % at e = 0.9",
+            reason="a seed of 1000 spheres (some 7000 collisions) scatters by 1 to 2 %; Enskog's theory"
+            " neglects the correlation of velocities, which slows the cooling by about 3 % at e = 0.9",
             catches="a restitution off by 0.005, 5 % of collisions missed, damping that depends on speed",
         ),
         kit.per_code(

@@ -137,9 +137,9 @@ CHECKS: tuple[kit.Check, ...] = (
         _check(
             f"sliding: distance from mu (1 + e) v_n with limit_force and without tangential dashpot ({code})",
             lambda results, code=code: _excess(results, "coulomb", code), 2e-2,
-            "friction not capped at mu F_n",
+            "friction not limited to mu F_n",
             "the first contact sticks until the spring is loaded: 1.5 % less friction at e = 0.3",
-            needs=(code,), against="Coulomb's line",
+            needs=(code,), against="Coulomb's limit",
         )
         for code in BOTH
     ),
@@ -161,7 +161,7 @@ CHECKS: tuple[kit.Check, ...] = (
     *(
         _check(
             f"silence broken: codes that pass {name} without an error",
-            lambda results, label=label: _accepted(results, label), 0.0, "a guard that does not guard",
+            lambda results, label=label: _accepted(results, label), 0.0, "a guard that does not detect it",
             "exact", unit="codes", needs=(THEIRS,), against="an error that names it",
         )
         for name, label in (("a lost particle", "leave"), ("NaN", "coincide"), ("a burst bed", "burst"))
@@ -198,14 +198,17 @@ FINDINGS: tuple[kit.Finding, ...] = (
             lambda results, law=law: _excess(results, law, THEIRS), sentence,
         )
         for law, sentence in (
-            ("default", "Friction by |F_n| while the contact pulls, and a dashpot above the cap."),
-            ("limit_force", "Only the dashpot is left."), ("dashpot_off", "Only the pull is left."),
+            ("default", "Friction limited by mu |F_n| while the normal force is tensile, and a dashpot added"
+                " after the limit."),
+            ("limit_force", "Only the effect of the dashpot"
+                " remains."), ("dashpot_off", "Only the effect of the tensile"
+                " force remains."),
         )
     ),
     _finding(
         "friction 0: tangential over normal force at the set-up, LIGGGHTS",
         lambda results: scenes.tangential_share(results["smooth_floor", THEIRS]),
-        "The spring is at rest, so that the contact sticks, and mu Fn = 0 does not cap the dashpot.",
+        "The spring is at rest, so that the contact sticks, and mu Fn = 0 does not limit the dashpot.",
     ),
     _finding(
         "half-step damping: error of LIGGGHTS / error of gpudem's integrator `path`, finest step", _half_step,

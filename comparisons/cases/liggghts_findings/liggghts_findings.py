@@ -54,14 +54,14 @@ def variants(tier: kit.Tier) -> list[kit.Variant]:
 
 CASE = kit.Case(
     name="liggghts_findings",
-    title="What was found out about LIGGGHTS",
+    title="Properties of LIGGGHTS that affect a comparison",
     purpose=(
-        "Behaviors of the reference code that a user who compares or calibrates with it should know, with"
-        " their size. Each is reproduced by a deck that is printed below, beside the line of our decks, the"
-        " option or the law of gpudem that is free of it. gpudem follows LIGGGHTS' law where that is what is"
-        " compared (friction, half-step damping), and offers the other as an option. None of this makes"
-        " LIGGGHTS unfit: each changes a flow as rounding does, only earlier; whether means shift is tested"
-        " with the seeds of the dam break."
+        "Properties of LIGGGHTS that a user who compares or calibrates with it should know, with their size."
+        " Each is reproduced by a deck that is printed below; the table names the line of our decks, or the"
+        " option or law of gpudem, that avoids it. By default gpudem follows LIGGGHTS' law, since that is"
+        " what is compared (friction, half-step damping), and offers the alternative as an option. None of"
+        " them makes LIGGGHTS unfit for use: each changes a flow as rounding does, only earlier; whether"
+        " means are shifted is tested over the seeds of the dam break."
     ),
     source="LIGGGHTS 3.8.0 as Debian has it, run here; its manual.",
     variants=variants,
@@ -69,13 +69,13 @@ CASE = kit.Case(
     findings=FINDINGS,
     figures=(
         kit.Figure(
-            "A ball hops on a ball",
+            "A ball bounces on a ball",
             "The first impact is the same; in the second, the default deck starts with the spring that the"
             " first left.",
             figures.hop, needs=("liggghts",),
         ),
         kit.Figure(
-            "Friction above Coulomb's line",
+            "Friction above Coulomb's limit",
             "Impacts that slide throughout. Lines: gpudem, rings: LIGGGHTS, equal for each option. The"
             " restitution is the measured one. With both options friction takes up to 1.5 % less, since the"
             " first contact sticks.",
@@ -88,15 +88,16 @@ CASE = kit.Case(
         ),
         kit.Figure(
             "In a flow",
-            "5000 balls after the removal of the gate, each behavior against the same flow without it."
-            " Rounding shows the growth by chaos: after 0.15 s all differ by a per cent, as any two runs do.",
+            "5000 balls after the removal of the gate, each property against the same flow without it. The"
+            " curve of rounding shows the growth by chaos: after 0.15 s all runs differ by about one per"
+            " cent, as any two runs do.",
             figures.flow, tiers=kit.LONG, needs=BOTH,
         ),
     ),
     tables=(
         kit.Table(
-            "What was found out about LIGGGHTS",
-            "Size in one contact and in a flow of 5000 balls, and what is free of each behavior.",
+            "Properties of LIGGGHTS that affect a comparison",
+            "Size in one contact and in a flow of 5000 balls, and what avoids each of them.",
             figures.summary, needs=BOTH, section="limits",
         ),
     ),

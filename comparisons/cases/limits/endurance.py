@@ -108,7 +108,7 @@ def _table(results: kit.Results) -> kit.Rows:
             "gas: gain in a collision / energy of the two":
                 float(energy[-10:].mean()) * len(one.run(results, "gas").scene.state) / (2 * many),
         }  # fmt: skip
-        rows.append({"by": one.title} | {name: number(value, 2) for name, value in found.items()})
+        rows.append({"code": one.title} | {name: number(value, 2) for name, value in found.items()})
     return rows
 
 
@@ -137,12 +137,12 @@ CASE = kit.Case(
     name="endurance",
     title="At rest for a minute, a thousand balls high, ten million collisions",
     purpose=(
-        "Errors that accumulate slowly: does a bed at rest creep, does a gas gain or lose energy, does the"
-        " load of a thousand balls hide the weight of one? The full tier lets a bed of 200 balls rest for 60"
-        " s, sends a wave through a column of 1000 and runs a gas through ten million collisions; the other"
-        " tiers are shorter. A bed with friction never comes fully to rest, in any code: this law has no"
-        " torque about the normal of a contact and none against rolling. float32 cannot represent the"
-        " overlaps at the top of the column, and its bed has velocities but does not move."
+        "Errors that accumulate slowly: does a bed at rest creep, does a gas gain or lose energy, does"
+        " rounding under the load of a thousand balls exceed the weight of one? The full tier lets a bed of"
+        " 200 balls rest for 60 s, sends a wave through a column of 1000 and runs a gas through ten million"
+        " collisions; the other tiers are shorter. A bed with friction never comes fully to rest, in any"
+        " code: this law has no torque about the normal of a contact and none against rolling. float32 cannot"
+        " represent the overlaps at the top of the column, and its bed has velocities but does not move."
     ),
     source="Hertz (1882): overlaps under the weight; ODE of the elastic chain (DOP853, rtol 1e-10).",
     variants=variants,
@@ -155,7 +155,7 @@ CASE = kit.Case(
         ),
         _each(
             "bed at rest without friction: largest way of a ball in the last half / radius", creep, CREEP,
-            "what is left of the slowest oscillation", "creep: positions that rounding moves one way", "rest",
+            "what remains of the slowest oscillation", "creep: positions that rounding moves one way", "rest",
         ),
         _each(
             "column at rest: largest way of a ball / that of the wave beside it",
@@ -174,7 +174,8 @@ CASE = kit.Case(
         ),
         _each(
             "gas: energy, largest change over all collisions", drift, DRIFT,
-            "each collision errs by its first contact within a step; the sum is a random walk",
+            "each collision has an error that depends on the phase of its beginning within a step; the sum is"
+            " a random walk",
             "collisions that gain or lose energy on average, a pair missing in the neighbor list",
             "conservation",
         ),

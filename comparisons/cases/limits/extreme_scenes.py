@@ -308,7 +308,7 @@ def scenes() -> tuple[Extreme, ...]:
         pairs("restitutions", "restitution 0.06 to 1",
               [(f"e_{round(100 * e)}", R, RHO, e) for e in RESTITUTIONS]),
         pairs("dead", "restitution 0.05", [("dead", R, RHO, 0.05)]),  # below what LIGGGHTS accepts
-        frictions(), scaled("powder", "powder of 1 micrometre", 1e-6, E),
+        frictions(), scaled("powder", "powder of 1 micrometer", 1e-6, E),
         scaled("boulder", "boulders of 1 m, 50 GPa", 1.0, 5e10),
         scaled("far", "1 km from the origin", R, E, 1000.0), concentric(), touching(), corner(), edge(),
         gate(), heavy_on_bed(), light_between(), leaves(),

@@ -119,9 +119,9 @@ def advice(results: kit.Results) -> kit.Rows:
         return f"is off by {number(error, 1)}" if error is not None else f"ends: {message}"
 
     text = (
-        f"1 km from the origin the rebound of a 3 mm ball {outcome('far', DOUBLE)} in float64, as near it,"
-        f" and {outcome('far', MIXED)} in mixed; float32 {outcome('far', SINGLE)}. An impact so fast that the"
-        f" overlap exceeds the radius (30 m/s on 5 MPa) {outcome('fast_30', DOUBLE)}."
+        f"1 km from the origin the rebound of a 3 mm ball {outcome('far', DOUBLE)} in float64, as it is near"
+        f" the origin, and {outcome('far', MIXED)} in mixed; float32 {outcome('far', SINGLE)}. An impact so"
+        f" fast that the overlap exceeds the radius (30 m/s on 5 MPa) {outcome('fast_30', DOUBLE)}."
     )
     return [{"choose": "distance, speed", "by": text}]
 
@@ -133,7 +133,7 @@ CASE = kit.Case(
         "Speeds, sizes, densities, restitution and friction at the ends of what may be stated, powder and"
         " boulders, a scene far from the origin, and the traps of flat geometry. The result of each is known"
         " in closed form. A code may compute it or refuse; it must not continue without a message. LIGGGHTS"
-        " is shown twice: with the guards of our decks and runner, and unguarded, as a user starts it."
+        " is shown twice: with the guards of our decks and runner, and without them, as a user starts it."
     ),
     source="Restitution of the law, statics, and the contact ODE (DOP853, rtol 1e-13) from primary inputs.",
     variants=variants,
@@ -151,7 +151,7 @@ CASE = kit.Case(
         ),
         *kit.checks(
             "error in mixed less error in float64, largest", mixed, 1e-5, against="float64", mark="R",
-            reason="forces carry 6e-8, a contact adds up some hundred of them",
+            reason="forces are rounded to 6e-8, a contact adds up about a hundred of them",
             catches="a position, a velocity or an overlap rounded to float32",
         ),
         kit.per_pair(

@@ -218,7 +218,7 @@ def impact_errors(results: kit.Results) -> kit.Rows:
     found, sweep = [], sweeps(results.tier, "hertz")["impact"][1]
     for one in CONFIGURATIONS.among(results.codes()):
         run = one.run(results, "impact_hertz")
-        row = {"by": one.title}
+        row = {"code": one.title}
         for e in (0.3, 0.5, 0.9):
             spots = [s for s in sweep if (s.restitution, s.friction) == (e, 0.0)]
             for share in (0.05, 0.1, 0.2):
@@ -239,10 +239,10 @@ def advice(results: kit.Results) -> kit.Rows:
         bracket(results, "hertz: impact, e = 0.5, head-on", one.title, STABLE)[1] for one in (HALF, PATH)
     )
     text = (
-        "Use a tenth of the Rayleigh time. The smallest steps that are unstable, as multiples of it: a single"
-        f" ball at rest {least.get('rest', 'not run')}, a column {least.get('column', 'not run')}, a bed"
-        f" {least.get('bed', 'not run')}, impacts {least.get('impact', 'not run')}. With damping, accuracy"
-        f" limits the step earlier: at e = 0.5 a rebound within 1 % needs less than {half:.2g} with"
+        "Use a tenth of the Rayleigh time. The smallest unstable steps, as multiples of the Rayleigh time: a"
+        f" single ball at rest {least.get('rest', 'not run')}, a column {least.get('column', 'not run')}, a"
+        f" bed {least.get('bed', 'not run')}, impacts {least.get('impact', 'not run')}. With damping,"
+        f" accuracy limits the step earlier: at e = 0.5 a rebound within 1 % needs less than {half:.2g} with"
         f" half_step, as in LIGGGHTS, and less than {path:.2g} with path."
     )
     return [{"choose": "step", "by": text}]
@@ -347,7 +347,7 @@ CASE = kit.Case(
     ),
     figures=(
         kit.Figure(
-            "Stable, inaccurate, unstable: the step against the contact",
+            "Stable, inaccurate and unstable time steps",
             "Steps as shares of the Rayleigh time of the ball; gray: the usual 10 to 20 %. Balls at rest,"
             " columns and beds are stable or not; for impacts at 1 m/s also whether the rebound is within 1"
             " %, for the worst of eight phases of the first contact within a step.",

@@ -91,7 +91,7 @@ def gain(results: kit.Results, reference: str, kind: str, cost: str) -> kit.Meas
         (statistics.median(ratios(results, PATH, reference, kind, g, 0.001, cost)), e)
         for g, e in enumerate(GROUPS) if e < 0.6
     )  # fmt: skip
-    return kit.Measured(1 / value, measured=value, note=f"the least gain is at e = {e:g}")
+    return kit.Measured(1 / value, measured=value, note=f"smallest gain at e = {e:g}")
 
 
 def same_error(results: kit.Results, code: str, reference: str) -> dict[str, float]:
@@ -176,10 +176,10 @@ def lead(results: kit.Results) -> kit.Rows:
         needed, taken = (work.cost_of(target, errors[:, g], cost) for cost in (steps, seconds))
         rows.append({
             "contacts": kind.replace("_", " "), "error": f"{100 * target:g} %", "e": GROUPS[g],
-            f"{codes.title(reference)}: steps a contact": reached(needed, ".0f"),
+            f"{codes.title(reference)}: steps per contact": reached(needed, ".0f"),
             "stepping [s]": reached(taken, ".3f"),
             "half_step: speed-up": text(ratios(results, HALF, *where, "time")),
-            "path: steps, times fewer": text(ratios(results, PATH, *where, "steps")[:1]),
+            "path: factor of steps saved": text(ratios(results, PATH, *where, "steps")[:1]),
             "path: speed-up": text(ratios(results, PATH, *where, "time")),
         })  # fmt: skip
     return rows
@@ -230,14 +230,14 @@ CASE = kit.Case(
     name="work_precision",
     title="What an accurate contact costs",
     purpose=(
-        "Thousands of simultaneous impacts, each with its first contact at another phase of a step: run time"
-        " is arithmetic, and the error is that of the worst impact. LIGGGHTS and gpudem's integrator"
-        " half_step, which equals it, evaluate the dashpot with half-step velocities: first order, however"
-        " smooth the law. gpudem's integrator path uses the exact integral of the damping force along the"
-        " path of the overlap, which also removes the singular start of overlap^(1/4) and the jump at first"
-        " contact: second order, with damping and with Coulomb friction. Where the law itself jumps (by"
-        " default the tangential dashpot acts in stick and not in slip) no scheme of fixed step is of second"
-        " order; this is shown as well."
+        "Thousands of simultaneous impacts, each of which begins at a different phase of a time step: so many"
+        " that the run time is that of the arithmetic, and the error shown is that of the worst impact."
+        " LIGGGHTS and gpudem's integrator half_step, which is the same scheme, evaluate the dashpot with"
+        " half-step velocities: they are of first order, however smooth the law is. gpudem's integrator path"
+        " uses the exact integral of the damping force along the path of the overlap, which also removes the"
+        " singular start of overlap^(1/4) and the jump at first contact: second order, with damping and with"
+        " Coulomb friction. Where the law itself jumps (by default the tangential dashpot acts in stick and"
+        " not in slip) no scheme of fixed step is of second order; this is shown as well."
     ),
     source="Exact motion: the contact ODE by DOP853, rtol 1e-13, from primary inputs.",
     variants=variants,
@@ -246,7 +246,8 @@ CASE = kit.Case(
         kit.per_pair(
             "error of {other} and of gpudem half_step, largest relative difference on any rung", same_error,
             brought=False, tolerance=1e-6,
-            reason="equal options agree to rounding (1e-13 of the overlap) beside errors of 1e-6 and more",
+            reason="with equal options the two agree to rounding (1e-13 of the overlap), while their errors"
+                " are 1e-6 and more",
             catches="another law or another order of operations",
         ),
         *(
@@ -254,8 +255,8 @@ CASE = kit.Case(
                 f"steps of gpudem path / steps of {{other}} for 0.1 % error, {kind}",
                 lambda results, code, other, kind=kind: gain(results, other, kind, "steps"),
                 brought=False, tolerance=1 / 3, tiers=LONG,
-                reason="the integrator of second order is to need at least 3 times fewer steps",
-                catches="damping evaluated at the wrong time or place: order one instead of two",
+                reason="the integrator of second order must need at most a third of the steps",
+                catches="damping evaluated at the wrong time or position: first order instead of second",
             )
             for kind in ("normal", "oblique")
         ),
@@ -264,8 +265,8 @@ CASE = kit.Case(
                 name=f"what mixed precision adds to the error of path, {kind} / peak overlap",
                 measure=lambda results, kind=kind: added_by_mixed(results, kind), tolerance=1e-5, unit="1",
                 against="path in float64", mark="R", tiers=tiers,
-                reason="forces carry 6e-8 and the mean of the damping over a step ten to a hundred times"
-                " that; a hundredth of the error at 0.1 %",
+                reason="forces are rounded to 6e-8, the mean damping force over a step to ten to a hundred"
+                " times that: together a hundredth of an error of 0.1 %",
                 catches="an overlap or a position in float32: 1e-3 and more",
             )
             for kind, tiers in (("normal", TIERS), ("oblique", LONG))
@@ -281,15 +282,17 @@ CASE = kit.Case(
         ),
         kit.Figure(
             "Error against steps in a contact",
-            "half_step (dashed) is of first order wherever there is damping; path (full) is of second.",
+            "half_step (dashed) is of first order wherever there is damping; path (solid) is of second"
+            " order.",
             draw_order, section="lead",
         ),
     ),
     tables=(
         kit.Table(
             "For 1 % and 0.1 % error",
-            "Largest error of the trajectory / peak overlap. Times of one core; speed-up relative to the"
-            " reference code, median of the repeats and (least to most).",
+            "Largest error of the trajectory / peak overlap. Times of one core; speed-up relative to"
+            " LIGGGHTS: median of the repeats (smallest to largest). A row is a contact law, an error and a"
+            " restitution e.",
             lead, section="lead",
         ),
     ),

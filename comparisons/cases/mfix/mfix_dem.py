@@ -149,7 +149,7 @@ def all_published(results: kit.Results, code: str) -> dict[str, kit.Compared]:
 
 # -- checks ------------------------------------------------------------------------------------------------
 
-FIRST_ORDER = "the dashpot sees half-step velocities: first order, and below this at the step used"
+FIRST_ORDER = "the dashpot uses half-step velocities: first order, and below this at the step used"
 #: (name, measure, reason, what it would catch, tiers); tolerance 1e-3.
 ANALYTICAL: tuple[tuple[str, Any, str, str, tuple[kit.Tier, ...]], ...] = (
     ("DEM01: height, largest error over the fall, contact and rebound / drop",

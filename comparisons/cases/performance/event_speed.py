@@ -29,8 +29,8 @@ TITLES: dict[Search, str] = {
     "tree": "tree, O(log N)", "scan": "cells only, O(N)", "pairs": "all pairs, O(N^2)"
 }  # fmt: skip
 WORDS: dict[Search, str] = {
-    "tree": "O(log N): a match in the tree is cheap beside a collision, up to 10 000 disks; beyond, they"
-    " exceed the caches and events wait for memory.",
+    "tree": "O(log N): a match in the tree takes little time compared with a collision, up to 10 000 disks;"
+    " more disks exceed the caches, and events wait for memory.",
     "scan": "O(N): 1, less where the collision itself is still a share, more beyond a cache.",
     "pairs": "O(N^2): 2, less where the collision itself is still a share.",
 }
@@ -120,7 +120,7 @@ def c_table(results: kit.Results) -> pandas.DataFrame:
             "gpudem, collisions per second [1e6]": first.collisions / own / 1e6,
             "C, collisions per second [1e6]": first.collisions / c / 1e6,
             "gpudem, events per second [1e6]": first.events / own / 1e6,
-            "time / C": statistics.median(quotients), "least": min(quotients), "most": max(quotients),
+            "time / C": statistics.median(quotients), "smallest": min(quotients), "largest": max(quotients),
             "compiler": compiler,
         })  # fmt: skip
     return pandas.DataFrame(rows).round(3)
@@ -133,7 +133,7 @@ def ladder_table(results: kit.Results) -> pandas.DataFrame:
 
 CASE = kit.Case(
     name="event_speed",
-    title="What an event costs",
+    title="Cost of an event",
     purpose=(
         "The source finds the next collision in three ways: among all pairs, by cells and a loop over all"
         " particles, and by cells and a tournament tree. Here all three are Warp kernels with the same rules"

@@ -73,7 +73,7 @@ def table(results: kit.Results) -> pandas.DataFrame:
         for bed, cores in ((bed, n) for bed in BEDS for n in PLAN[results.tier][2]):
             own, theirs = (statistics.median(rate) / 1e6 for rate in rates(results, bed, cores, code, other))
             found = speed_ups(results, bed, cores, code, other)
-            ratio = {"speed-up": statistics.median(found), "least": min(found), "most": max(found)}
+            ratio = {"speed-up": statistics.median(found), "smallest": min(found), "largest": max(found)}
             rate = {f"{codes.title(code)} [1e6/s]": own, f"{codes.title(other)} [1e6/s]": theirs}
             rows.append({"bed": bed, "cores or ranks": cores, **rate, **ratio})
     return pandas.DataFrame(rows).round(2)
@@ -99,6 +99,14 @@ def draw(results: kit.Results) -> plots.Figure:
 # -- the recorded bench --------------------------------------------------------------------------------------
 
 
+#: Heads of columns of the recorded bench, in full.
+HEADS = {
+    "over one core": "speed-up over one core", "bytes a step": "bytes per step",
+    "bytes a particle": "bytes per particle", "and [MiB]": "before the first particle [MiB]",
+    "exponent": "exponent k", "up to": "largest N",
+}  # fmt: skip
+
+
 @functools.cache
 def recorded() -> dict[str, Any]:
     """The last `gpudem bench` that was kept, with its provenance."""
@@ -108,7 +116,8 @@ def recorded() -> dict[str, Any]:
 def recorded_table(part: str) -> pandas.DataFrame:
     """A part of the recorded bench as a table."""
     rows = pandas.DataFrame(recorded()[part] or [{"note": "too few sizes"}])
-    return (narrowed(rows) if part == "summary" else rows).round(2).dropna(axis=1, how="all")
+    rows = narrowed(rows) if part == "summary" else rows
+    return rows.rename(columns=HEADS).round(2).dropna(axis=1, how="all")
 
 
 def narrowed(rows: pandas.DataFrame) -> pandas.DataFrame:
@@ -162,8 +171,8 @@ def draw_recorded(results: kit.Results) -> plots.Figure:
                 middle.index, middle, color=plots.SERIES[color], ls=line, marker="o" if cores > 1 else "s",
                 ms=3, lw=1.2, label=f"{name}, {where}", mfc="none" if cores == 1 else None,
             )  # fmt: skip
-        ax.set(xlabel="balls", title=f"{bed} bed")
-    axes[0].set_ylabel("1e6 particle-steps / s")
+        ax.set(xlabel="particles", title=f"{bed} bed")
+    axes[0].set_ylabel("particle-steps per second [1e6/s]")
     if rows.rate.max() > 100 * rows.rate.min():  # a GPU is among them
         axes[0].set_yscale("log")
     else:

@@ -97,14 +97,14 @@ CASE = kit.Case(
     purpose="A sphere released on an incline rolls if tan(slope) is at most 7/2 mu; beyond, it slides and"
     " spins up. Nine frictions on each of two slopes, two of them 2 % below and above the limit, show both"
     " accelerations in both regimes, and the limit itself: the balance of friction, torque and moment of"
-    " inertia under a steady load, which a short impact does not show.",
+    " inertia under a steady load, which a short impact does not test.",
     source="Rigid-body mechanics: 5/7 g sin(slope); g (sin - mu cos) and 5/2 mu g cos/R.",
     variants=lambda tier: [kit.Variant(label(slope), scene(slope)) for slope in SLOPES],
     checks=(
         *step_by_step(
             "final speed", lambda run: 5 / 7 * run.scene.gravity[0] * DURATION,
             reason="same law, same scheme: rounding, over 25 000 steps in contact",
-            catches="a spring forgotten or shortened otherwise in a lasting contact",
+            catches="a spring that is reset or limited differently in a lasting contact",
         ),
         *kit.per_quantity(
             accelerations,
@@ -112,7 +112,7 @@ CASE = kit.Case(
              "a x angular acceleration [m/s2]": "a torque that does not belong to the friction, a wrong arm"},
             "{}, largest error / rolling acceleration", tolerance=1e-6, against="closed form",
             reason="the closed form has the arm R - overlap/2 of the law, and the dashpot has ended the"
-            " oscillation of the spring: rounding is left; the arm R would give 6e-5",
+            " oscillation of the spring: only rounding remains; the arm R would give 6e-5",
         ),
         kit.per_code(
             "friction at which slip ends / (2/7 tan(slope)), less 1", transition,
@@ -128,7 +128,7 @@ CASE = kit.Case(
         _figure,
     ),),
     tables=(kit.table(
-        "Accelerations", "By straight lines through the second half of the run.", accelerations,
+        "Accelerations", "Slopes of straight lines fitted to the second half of the run.", accelerations,
         rows="sphere",
     ),),
     features=("normal hertz", "damping", "tangential history", "rotation", "gravity", "wall plane"), order=42,

@@ -118,7 +118,7 @@ CASE = kit.Case(
         *step_by_step(
             "largest starting speed", lambda run: ROLLS[2][0],
             reason="same law, same scheme: rounding, over 50 000 steps in contact",
-            catches="a rolling torque that is kept, cut or projected otherwise",
+            catches="a rolling torque that is stored, limited or projected differently",
         ),
         *(
             check
@@ -147,7 +147,7 @@ CASE = kit.Case(
             "epsd2, held by the slope: way in the second half / way of a free sphere", held,
             tolerance=1e-6, against="closed form",
             reason="at rest but for the oscillation of the two springs, which epsd2 does not damp",
-            catches="a rolling torque that is forgotten from step to step",
+            catches="a rolling torque that is reset at every step",
         ),
     ),
     figures=(kit.Figure(

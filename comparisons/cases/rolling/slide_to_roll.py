@@ -86,23 +86,24 @@ def _figure(results: kit.Results) -> plots.Figure:
 CASE = kit.Case(
     name="slide_to_roll", title="From sliding to rolling",
     purpose="A sphere thrown along a floor slides; friction slows it and spins it up until its surface no"
-    " longer slips; then it must roll without loss. The two numbers 2 u0/(7 mu g) and 5/7 u0 contain"
-    " friction, torque and moment of inertia; the change from slip to stick, under the weight, must not"
-    " change the speed. The codes must agree to rounding over 8000 steps in contact.",
+    " longer slips; then it must roll without loss. The slip time 2 u0/(7 mu g) and the final speed 5/7 u0"
+    " depend on friction, torque and moment of inertia; the transition from slip to stick, under the weight,"
+    " must not change the speed. The codes must agree to rounding over 8000 steps in contact.",
     source="Rigid-body mechanics; MFIX-DEM verification case 04.",
     variants=lambda tier: [kit.Variant(EXACT, scene(False)), kit.Variant(DEFAULT, scene(True))],
     checks=(
         *step_by_step(
             "u0", lambda run: np.array([u for u, _, _ in THROWS]), defect=not_rolling,
             reason="same law, same scheme: rounding, over 8000 steps in contact",
-            catches="a spring that is stretched, cut or forgotten otherwise in a lasting contact",
+            catches="a spring that is stretched, limited or reset differently in a lasting contact",
         ),
         *kit.per_quantity(
             final,
             {"slip time [s]": "friction other than mu N; a moment of inertia other than 2/5 m R^2",
              "final speed [m/s]":
-                 "a moment of inertia other than 2/5 m R^2; friction that goes on while rolling",
-             "final surface speed [m/s]": "a torque arm or spin sign that does not belong to the force"},
+                 "a moment of inertia other than 2/5 m R^2; friction that continues while rolling",
+             "final surface speed [m/s]": "a lever arm or a sign of the torque that does not belong to the"
+                 " force"},
             tolerance=1e-3, against="closed form",
             reason="0.1 % is required; an overlap of 0.15 % of R takes half of it, through the lever arm",
         ),

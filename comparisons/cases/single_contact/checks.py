@@ -18,12 +18,13 @@ from comparisons.cases.single_contact.meetings import (
 from gpudem.output.run import Run
 
 ODE = "ODE (DOP853, rtol 1e-13)"
-FIRST_ORDER = "the dashpot sees half-step velocities, so the error is first order: about 0.5/steps at e = 0.3"
+FIRST_ORDER = "the dashpot uses half-step velocities, so the error is first order: about 0.5/steps at e = 0.3"
 SECOND_ORDER = "velocity Verlet without damping is second order: about 1/steps^2"
 QUANTITIES = {
     "peak_overlap": "a wrong E*, R* or effective mass: 1 % of any shifts it by 0.2 to 0.4 %",
     "contact_time": "a contact that ends early or late; the approximate constant 2.94, 2.6 % too large",
-    "rebound": "a damping constant that is wrong or depends on speed; limit_force mixed up",
+    "rebound": "a damping constant that is wrong or depends on speed; limit_force applied where it is off, or"
+    " the reverse",
 }
 #: Column -> (scale in the name of the check, defect that it detects).
 STEP_BY_STEP = {
@@ -31,7 +32,7 @@ STEP_BY_STEP = {
     "velocity": ("impact speed", "full-step velocities in the dashpot"),
     "angular_velocity": (
         "(impact speed / radius)",
-        "a lever arm of R instead of R - overlap/2; a spring that does not turn with the normal",
+        "a lever arm of R instead of R - overlap/2; a spring that is not rotated with the normal",
     ),
     "force": ("largest force", "a force of the wrong half step"),
 }
@@ -52,8 +53,8 @@ def columns_agree(
             f"{where}{column.replace('_', ' ')}, largest difference over all steps / {unit}", column,
             lambda run, column=column: scale(run, column), read=(read or {}).get(column),
             tolerance=1e-9 if column == "force" else 1e-11,
-            reason="same law, same scheme, same start: only the order of additions differs, which leaves"
-            " rounding; measured values are a hundredth of this",
+            reason="same law, same scheme, same start: only the order of additions differs, that is rounding;"
+            " measured values are a hundredth of the tolerance",
             catches=catches, **fields,
         )
         for column, (unit, catches) in columns.items()
@@ -108,7 +109,8 @@ def against_ode(
         ),
         kit.observed_order(
             f"{what}: observed order in the time step", error, order, prefix=prefix, against=ODE, reason=why,
-            catches="a law that tends to another limit (order 0), a lagging force (order 1 instead of 2)",
+            catches="a law that tends to another limit (order 0), a force that lags by a step (order 1"
+                " instead of 2)",
         ),
     )  # fmt: skip
 

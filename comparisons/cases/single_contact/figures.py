@@ -32,7 +32,7 @@ def overlay(meetings: list[Meeting], prefix: str = "", component: int = 0, title
             curves[m.label] = found, wanted
         figure, top, low = plots.curves_and_differences(since, curves, reference="ODE", width=plots.WHOLE)
         top.set_ylabel(f"{name} velocity / impact speed")
-        low.set(xlabel="time since the first touch / contact time", xlim=(-0.1, 1.3))
+        low.set(xlabel="time since the contact began / contact time", xlim=(-0.1, 1.3))
         return figure
 
     return kit.Figure(
@@ -78,7 +78,7 @@ def of_steps(shown: list[Meeting], timed: list[Meeting], prefix: str = "") -> tu
         kit.Figure(
             "Error against time step",
             "Largest velocity error against the exact motion. Damped impacts are first order, since the"
-            " dashpot sees half-step velocities; without damping the scheme is second order.",
+            " dashpot uses half-step velocities; without damping the scheme is second order.",
             convergence,
         ),
         kit.Figure(

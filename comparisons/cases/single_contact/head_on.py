@@ -55,7 +55,7 @@ CASE = kit.Case(
         " mass or the order of a step without any other influence. Four pairs of spheres of unequal radius,"
         " density and modulus collide in four directions with restitution 0.3, 0.6, 0.9 and 1. The codes must"
         " agree to rounding at every step. Each must converge to the exact solution of the continuous law, at"
-        " first order with damping (the dashpot sees half-step velocities), at second order without."
+        " first order with damping (the dashpot uses half-step velocities), at second order without."
     ),
     source="Closed forms: Hertz (1882), Antypov and Elliott (2011); ODE: DOP853, rtol 1e-13; LIGGGHTS.",
     variants=lambda tier: [

@@ -128,7 +128,8 @@ def sliding_checks(
             f"{what}: {quantity} in gross sliding, relative error",
             lambda results, code, k=k: error(results, code, k),
             tolerance=tolerance, against="closed form", reason=reason,
-            catches="friction not capped at mu F_n, a dashpot on top of the cap, a wrong inertia",
+            catches="friction not limited to mu F_n, a dashpot added after the limit, a wrong moment of"
+                " inertia",
         )
         for k, quantity in enumerate(("tangential velocity lost", "spin gained"))
     )  # fmt: skip
@@ -185,8 +186,9 @@ def _after(results: kit.Results, code: str, k: int) -> dict[str, kit.Measured]:
 
 
 FIRST_ORDER = (
-    "the dashpots see half-step velocities, and sticking and slip begin at whole steps: first order, about"
-    " 1/steps; scattered if the normal force changes sign during slip, by where in a step it does"
+    "the dashpots use half-step velocities, and sticking and slip begin at whole steps: first order, about"
+    " 1/steps; if the normal force changes sign during slip, the error scatters with the phase of that moment"
+    " within a step"
 )
 SECOND_ORDER = "no dashpot, and slip from the first touch: second order, about 1.5/steps^2"
 
@@ -198,11 +200,11 @@ CASE = kit.Case(
         " spring is stretched, rotated and limited, the dashpot, the lever arm, the sign of a spin. Fifteen"
         " impacts, on a wall and between unequal spheres, in as many directions, stick, slide, or change"
         " between both up to five times within one contact. For a sphere that slides throughout, the loss is"
-        " known exactly: mu (1 + e) v_n. LIGGGHTS' default law takes up to a sixth more in a damped impact,"
-        " because the friction limit is mu |F_n| also while the contact pulls, and its dashpot is added after"
-        " the limit; with limit_force on and tangential_damping off it takes mu (1 + e) v_n."
+        " known exactly: mu (1 + e) v_n. With LIGGGHTS' default law a damped impact loses up to a sixth more,"
+        " because the friction limit is mu |F_n| also while the normal force is tensile, and the dashpot is"
+        " added after the limit; with limit_force on and tangential_damping off the loss is mu (1 + e) v_n."
     ),
-    source="The law of LIGGGHTS' manual (hertz, tangential history) by DOP853; Coulomb's line.",
+    source="The law of LIGGGHTS' manual (hertz, tangential history) by DOP853; Coulomb's limit.",
     variants=lambda tier: [
         kit.Variant(f"{name}_{label}", scene(contact, dt), timed=name == "default")
         for name, contact in OPTIONS.items()
@@ -215,21 +217,21 @@ CASE = kit.Case(
         *against_ode("elastic, slips at once", ELASTIC, 3e-6, (1.85, 2.15), "default", SECOND_ORDER),
         *sliding_checks(
             "elastic", SLIDING[:2], "default", False, 1e-8,
-            "friction is mu F_n at every step, so that the impulse is exact; the overlap leaves 1e-9",
+            "friction is mu F_n at every step, so that the impulse is exact; the overlap changes it by 1e-9",
         ),
         *sliding_checks(
             "e = 0.6, coulomb options", SLIDING[2:], "coulomb", True, 5e-3,
-            "the normal dashpot makes the first touch stick until the spring is loaded, so that the exact"
-            " law itself is some 0.3 % off Coulomb's limit, at any step",
+            "the normal dashpot makes the contact stick at its beginning until the spring is loaded, so that"
+            " the exact solution of the law differs from Coulomb's limit by about 0.3 %, at any step",
         ),
     ),
     figures=(
         kit.Figure(
             "Tangential velocity lost in an oblique impact",
             "Lines: the exact law; dotted: Coulomb's limit. With the default options a damped impact loses"
-            " more than Coulomb's law allows: the contact pulls late in the rebound, the friction limit is"
-            " mu |F_n| then too, and the dashpot is added after the limit. With limit_force on and"
-            " tangential_damping off the loss is Coulomb's, for the restitution that limit_force gives.",
+            " more than Coulomb's law allows: the normal force is tensile late in the rebound, where the"
+            " friction limit is mu |F_n| too, and the dashpot is added after the limit. With limit_force on"
+            " and tangential_damping off the loss is Coulomb's, for the restitution that limit_force gives.",
             _map,
         ),
         figures.overlay(SHOWN, "default", 1),

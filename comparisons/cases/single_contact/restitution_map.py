@@ -163,15 +163,15 @@ def _checks(law: str, limit: bool) -> Iterator[kit.PerCode | kit.PerPair]:
         f"{name}: restitution, largest |out - expected|",
         lambda results, code: largest(results, code, law, limit),
         tolerance=quick | dict.fromkeys(kit.LONG, 1e-3), against=against,
-        reason="the dashpot sees half-step velocities: first order, largest at the smallest e;"
-        " Chrono and Kratos allow 1e-3",
+        reason="the dashpot uses half-step velocities: first order, largest at the smallest e; Chrono and"
+        " Kratos allow 1e-3",
         catches="a restitution that depends on speed where it must not, or not where it must",
     )  # fmt: skip
     yield kit.observed_order(
         f"{name}: observed order of the mean error",
         lambda results, label, code: mean(results, label, code, law, limit),
         (0.85, 1.3), prefix=prefix(law, limit), against=against, tiers=tiers,
-        reason="first order: the dashpot sees half-step velocities",
+        reason="first order: the dashpot uses half-step velocities",
         catches="a law that tends to another restitution than the one stated",
     )  # fmt: skip
 
@@ -207,8 +207,8 @@ def _constant(results: kit.Results) -> plots.Figure:
                     worst = np.maximum(off(results, label, code, law, limit).max(axis=1), 1e-16)
                     right.semilogy(RESTITUTIONS, worst, **{**look, "linestyle": "-"}, lw=0.7)
     right.axhline(1e-3, **plots.TOLERANCE)
-    left.set(xlabel="restitution in", ylabel="restitution out, at 0.01 and 10 m/s")
-    right.set(xlabel="restitution in", ylabel="largest |difference| over all speeds")
+    left.set(xlabel="stated restitution", ylabel="resulting restitution, at 0.01 and 10 m/s")
+    right.set(xlabel="stated restitution", ylabel="largest |difference| over all speeds")
     plots.legend(left, points=results.codes())
     return figure
 
@@ -229,7 +229,7 @@ def _speed(results: kit.Results) -> plots.Figure:
     right.loglog(SPEEDS, 1 - exact[shown].T, **plots.style("oracle"))
     for k in shown:
         right.annotate(f"v* = {V_STARS[k]:g}", (10, 1 - exact[k, -1]), fontsize=7.5, va="bottom", ha="right")
-    left.set(xlabel="v*", ylabel="restitution out")
+    left.set(xlabel="v*", ylabel="resulting restitution")
     right.set(xlabel="speed [m/s]", ylabel="1 - e")
     plots.legend(left)
     return figure
@@ -240,11 +240,12 @@ CASE = kit.Case(
     title="Restitution over speed and damping",
     purpose=(
         "77 spheres hit a plane: restitution 0.06 to 1, speed 0.01 to 10 m/s, under each normal law, with and"
-        " without limit_force. hertz and hooke must return exactly the restitution put in, at every speed;"
+        " without limit_force. hertz and hooke must return exactly the stated restitution, at every speed;"
         " with limit_force a larger one, the same function for both laws, never below exp(-2). The damping of"
         " hertz/stiffness is that of viscoelastic spheres, for which restitution decreases with speed: 1 - e"
-        " grows as v^(1/5), and all speeds and dampings are on one curve in v*. If that contact may pull"
-        " (limit_force off) and v* exceeds about 2, it is overdamped and the sphere sticks to the plane."
+        " grows as v^(1/5), and all speeds and dampings are on one curve in v*. If the force may become"
+        " tensile (limit_force off) and v* exceeds about 2, the contact is overdamped and the sphere sticks"
+        " to the plane."
     ),
     source=(
         "Antypov and Elliott (2011); Schwager and Poeschel (2007); Mueller and Poeschel (2011) for the"
@@ -262,7 +263,7 @@ CASE = kit.Case(
     ),
     figures=(
         kit.Figure(
-            "Restitution out against restitution in",
+            "Resulting restitution against stated restitution",
             "Left: the slowest and the fastest sphere on the closed forms (lines); small marks hertz, large"
             " marks hooke. Right: largest difference over all speeds; it decreases with the time step.",
             _constant,

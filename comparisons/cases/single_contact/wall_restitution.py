@@ -49,11 +49,11 @@ CASE = kit.Case(
     name="wall_restitution",
     title="A sphere on a plane",
     purpose=(
-        "A plane contributes its own modulus to a contact, no curvature and infinite mass. The law keeps"
-        " exactly the fraction e of the speed, at any speed, but only if the contact may pull at the end of"
-        " the rebound. With limit_force the tensile part is cut, and the sphere keeps more, by a closed form"
-        " (0.3 becomes 0.397). A calibration of restitution against an experiment must know which of the two"
-        " a code does; both are shown here, for each code."
+        "A plane contributes its own modulus to a contact, no curvature and infinite mass. The law returns"
+        " exactly the fraction e of the impact speed, at any speed, but only if the contact force may become"
+        " tensile at the end of the rebound. With limit_force the tensile part is set to zero and the"
+        " restitution is larger, by a closed form (0.397 instead of 0.3). A calibration of the restitution"
+        " against an experiment depends on which of the two a code uses; both are shown here, for each code."
     ),
     source="Hertz (1882); Antypov and Elliott (2011); Schwager and Poeschel (2007), limit_force.",
     variants=lambda tier: [

@@ -135,7 +135,7 @@ CASE = kit.Case(
     purpose=(
         "Columns of equal spheres, of unequal ones, and a single sphere settle on a floor. At rest each"
         " contact carries exactly the weight above it: every overlap is (weight/k)^(2/3), the load on the"
-        " floor is the weight, and no numerical device may carry a part of it. Without damping the same"
+        " floor is the weight, and no numerical force may carry a part of it. Without damping the same"
         " columns oscillate forever, and the sum of kinetic, elastic and potential energy is conserved."
     ),
     source="Statics with Hertz (1882); energy: as in LAMMPS' unittest/granular, stack_energy.",
@@ -158,7 +158,7 @@ CASE = kit.Case(
         *(
             kit.per_code(
                 name, measure, tolerance=1e-6, against="closed form", catches=catches,
-                reason="settled: the rest of the oscillation; at rest the step has no influence",
+                reason="what remains of the oscillation after settling; at rest the step has no influence",
             )
             for name, measure, catches in (
                 ("overlaps at rest against (weight above / k)^(2/3), largest relative error", overlaps,

@@ -229,7 +229,7 @@ def _table(results: kit.Results) -> kit.Rows:
         for step, got in windows(results, tested).items():
             rows.append((name, step, got, math.nan if tested else SOURCE_HEIGHTS.get(step, math.nan)))
     return [
-        {"by": name, "step [s]": step, "mean height, 10 s to 20 s [m]": float(got.mean()),
+        {"engine": name, "step [s]": step, "mean height, 10 s to 20 s [m]": float(got.mean()),
          "standard deviation of a seed [m]": float(got.std(ddof=1)), "the source's program [m]": source}
         for name, step, got, source in rows
     ]  # fmt: skip
