@@ -11,7 +11,8 @@ verify: ## compare gpudem with LIGGGHTS and closed forms (standard tier); last l
 	@.venv/bin/gpudem compare --tier standard $(ARGS)
 
 # One worker a core; each file of tests in one worker, the cases' with their one report too. WORKERS= for none.
-WORKERS = -n logical --maxprocesses 4 --dist loadfile
+# A worker that ends (a test beyond its time limit) ends the run: xdist would run that test again in a new worker.
+WORKERS = -n logical --maxprocesses 4 --dist loadfile --max-worker-restart 0
 
 test: ## the test suite and the checks of all cases; ARGS="-k scene" to select
 	@bash tools/setup.sh test

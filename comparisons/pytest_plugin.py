@@ -32,6 +32,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     option("code", "code to run the cases through; repeatable; default: all that are known", "NAME")
     option("with", "a code of yours: 'python my_dem.py {scene} {out}'", "COMMAND", "store")
     option("tier", "quick, standard or full; default: quick", "TIER", "store")
+    option("jobs", "runs side by side, those that are not timed; default: one a core", "N", "store")
     option("out", "new or empty folder of the report; default: runs/<UTC>_<commit>", "DIR", "store")
 
 

@@ -233,3 +233,21 @@ def test_the_rule_sees_settings_of_warp():
         "@wp.kernel(module='unique', enable_backward=False)\ndef g(): pass\n@wp.func\ndef h(): pass"
     )
     assert sorted(settings_of_warp(ast.parse(text))) == ["warp.config.mode", "wp.config.quiet", "wp.kernel"]
+
+
+def names_of_liggghts(tree: ast.AST) -> list[int]:
+    """Lines with the name of LIGGGHTS' code as a string."""
+    constants = (node for node in ast.walk(tree) if isinstance(node, ast.Constant))
+    return [node.lineno for node in constants if node.value == "liggghts"]
+
+
+def test_the_harness_and_the_cases_know_no_code_by_its_name():
+    """Detects a check, figure or option made for one reference code instead of for those at hand."""
+    files = [path for path in (ROOT / "comparisons").rglob("*.py") if path.parent.name != "liggghts_findings"]
+    found = {path: names_of_liggghts(parsed(path)) for path in files}
+    assert not {path: lines for path, lines in found.items() if lines}
+
+
+def test_the_rule_sees_the_name():
+    text = "def f():\n    'results[label, liggghts]'\n    return {'liggghts': 1}, 'LIGGGHTS'"
+    assert names_of_liggghts(ast.parse(text)) == [3]

@@ -24,6 +24,7 @@ from gpudem.errors import GpudemError
 from gpudem.output.atomic import write_text
 from gpudem.solver.device import cores as usable_cores
 from gpudem.solver.device import find_device
+from reference.liggghts.code import CODE as LIGGGHTS
 
 BEDS = ("settled", "flowing")
 #: Particle-steps of one measurement: about 10 s on one core.
@@ -79,7 +80,7 @@ class Plan:
         found = []
         for device, cores in self.places():
             found += [("gpudem", device, cores, precision) for precision in self.precisions]
-            found += [("liggghts", "cpu", cores, "float64")] * (self.liggghts and device == "cpu")
+            found += [(LIGGGHTS.name, "cpu", cores, "float64")] * (self.liggghts and device == "cpu")
         return found
 
     def again(self, rows: list[Row]) -> list[str]:
@@ -154,7 +155,8 @@ def summary(rows: list[Row], bandwidths: Iterable[dict[str, Any]] = ()) -> list[
     for (size, bed, device, cores, code, precision), mine in groups.items():
         if code != "gpudem":
             continue
-        theirs = {r.repeat: r.rate for r in groups.get((size, bed, "cpu", cores, "liggghts", "float64"), [])}
+        same = (size, bed, "cpu", cores, LIGGGHTS.name, "float64")
+        theirs = {r.repeat: r.rate for r in groups.get(same, [])}
         alone = {r.repeat: r.rate for r in groups.get((size, bed, "cpu", 1, "gpudem", precision), [])}
         ratios = [r.rate / theirs[r.repeat] for r in mine if r.repeat in theirs] if device == "cpu" else []
         speedups = [r.rate / alone[r.repeat] for r in mine if r.repeat in alone]

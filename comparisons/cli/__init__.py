@@ -266,7 +266,9 @@ def _found(result: Comparison, directory: Path) -> None:
         f"{n['pass']} pass, {n['fail']} fail, {n['error']} error, {n['left_out']} left out"
         f" in {progress.duration(result.wall_s)}\n{directory / 'report.html'}"
     )
-    for line in view.missing_codes(result):
+    for line in (*view.missing_codes(result), *result.notices):
+        click.echo(line)
+    for line in view.own_codes(result):
         click.echo(line)
     for found in [c for c in result.cases if c.headline]:
         click.echo(f"{found.name}: {found.headline}")

@@ -31,7 +31,7 @@ def show() -> int:
         ("system", f"{facts['os']}, Python {facts['python']}"),
         ("processor", f"{hardware['cpu']}, {hardware['cores']} cores, {hardware['memory_gib']} GiB"),
         ("gpu", ", ".join(hardware["gpus"]) or "none; device cpu only"),
-        ("liggghts", liggghts()),
+        ("LIGGGHTS", liggghts()),
         ("rendering", render.backend()),
         *((name, facts["packages"].get(name, "not installed")) for name in PACKAGES),
     ]

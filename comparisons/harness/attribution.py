@@ -35,12 +35,25 @@ AGREES = 1e-4
 VERLET = 1e-6
 #: Where there is one time step only, and no classical mistake explains it.
 ONE_STEP = "law or scheme (one time step only)"
+#: Begins a verdict where nothing can be said; the reason follows.
+NOT_KNOWN = "not known: "
 #: Order in the time step from which a difference vanishes with it; a law gives 0, a first-order scheme 1.
 VANISHES = 0.5
 #: Share of the steps of a contact without a force from which it was missed, and not only begun a step late.
 MISSED = 0.05
 #: Factor by which a mistake must reduce the difference to be named as what explains it.
 EXPLAINS = 20.0
+
+#: That nothing differs, and what does, for the head of the page.
+FOLLOWED = "the contact law is followed"
+WORDS = {
+    "law": "the contact law differs",
+    "wall": "the contact law differs at walls only",
+    "scheme or timing": "the scheme or its timing differs, and not the contact law",
+    "list": "contacts are without a force for some time, as if missing in the neighbor list",
+    "output": "the velocities written do not belong to the positions",
+    ONE_STEP: "the contact law or the scheme differs, which one time step cannot tell",
+}
 
 HEADS = (
     "code", "scenes", "time steps", "contacts", "what differs", "in", "largest at contact",
@@ -71,6 +84,15 @@ class Verdict:
     explained: str = ""
     """The classical mistake that explains it."""
 
+    def phrase(self) -> str:
+        """What differs and in which part, for the head of the page; the same for the same finding."""
+        if self.what == "nothing":
+            return FOLLOWED
+        if not self.part:
+            return self.what
+        as_by = f", as with {self.explained}" if self.explained else ""
+        return f"{WORDS[self.what]} ({self.part}{as_by})"
+
     def sentence(self) -> str:
         """In words, for the terminal."""
         text = (
@@ -95,6 +117,18 @@ def verdicts(results: Results, code: str) -> list[Verdict]:
     return results.once(("attribution", code), found)
 
 
+def main(results: Results, code: str) -> Verdict:
+    """The verdict with the largest difference over the scenes of a case; else that nothing differs; else why
+    that is not known. Raises Unmeasured: a run failed.
+    """
+    found = verdicts(results, code)
+    known = [v for v in found if not v.what.startswith(NOT_KNOWN)]
+    if not known:
+        why = sorted({v.what.removeprefix(NOT_KNOWN) for v in found})
+        return Verdict("", 0, what=NOT_KNOWN + ("; ".join(why) or "no run"))
+    return max(known, key=lambda v: (v.what != "nothing", v.size if v.size == v.size else 0.0))
+
+
 def _physics(scene: Scene) -> str:
     """The same for scenes that differ only in time step and output."""
     silent = dict.fromkeys(type(scene.output).model_fields)
@@ -112,7 +146,7 @@ def _verdict(group: list[tuple[str, Run]]) -> Verdict:
     blank = Verdict(group[0][0], len(group))
     why = _not_known(group)
     if why:
-        return dataclasses.replace(blank, what=f"not known: {why}")
+        return dataclasses.replace(blank, what=f"{NOT_KNOWN}{why}")
     runs = [run for _, run in group]
     errors = [states.verlet_error(_trace(run)) for run in runs]
     verlet = max(errors) <= VERLET
@@ -130,7 +164,7 @@ def _verdict(group: list[tuple[str, Run]]) -> Verdict:
             if found
             else "no contact"
         )
-        return dataclasses.replace(blank, what=f"not known: {none}")
+        return dataclasses.replace(blank, what=f"{NOT_KNOWN}{none}")
     missed = _missed(runs[0], touches, verlet)
     if missed:
         return dataclasses.replace(blank, what="list", part="no force", where=missed[0], size=missed[1])
@@ -267,13 +301,10 @@ def findings(ran: Sequence[str]) -> tuple[Finding, ...]:
     """What differs, in one line, for each code that a user brought."""
 
     def measure(results: Results, code: str) -> Measured:
-        found = [v for v in verdicts(results, code) if not v.what.startswith("not known")]
-        if not found:
-            known = {v.what for v in verdicts(results, code)}
-            raise Unmeasured("; ".join(sorted(known)) or "no run")
-        differing = [v for v in found if v.what != "nothing"]
-        largest = max(differing, key=lambda v: v.size) if differing else found[0]
-        return Measured(0.0 if largest.what == "nothing" else largest.size, note=largest.sentence())
+        found = main(results, code)
+        if found.what.startswith(NOT_KNOWN):
+            raise Unmeasured(found.what)
+        return Measured(0.0 if found.what == "nothing" else found.size, note=found.sentence())
 
     return tuple(
         Finding(

@@ -7,7 +7,8 @@ the reason.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from comparisons.harness import attribution, codes
 from comparisons.harness.case import Check, Results
@@ -16,10 +17,15 @@ from gpudem.output.run import Run
 from reference.process.contract import HALF_STEP
 from reference.process.states import FULL_DIGITS
 
+if TYPE_CHECKING:
+    from comparisons.harness.results import CheckResult
+
 Key = tuple[str, str]
 
 #: An overlap, as a share of the radius: measures divide differences of positions by overlaps.
 OVERLAP = 1e-3
+#: Where nothing can be said; the reason follows.
+UNKNOWN = "what differs is not known"
 #: What leaves a code in another scheme without an accusation.
 NO_LAW = ("nothing", "scheme or timing", attribution.ONE_STEP)
 
@@ -79,9 +85,41 @@ def explained(check: Check, value: float, runs: Mapping[Key, Run], results: Resu
 def _known(results: Results, code: str) -> list[attribution.Verdict]:
     """What is known of a code; nothing where one of its runs failed."""
     try:
-        return [v for v in attribution.verdicts(results, code) if not v.what.startswith("not known")]
+        return [
+            v for v in attribution.verdicts(results, code) if not v.what.startswith(attribution.NOT_KNOWN)
+        ]
     except GpudemError:
         return []
+
+
+def differs(code: str, results: Results) -> str:
+    """What differs in a code, or that nothing does, in a few words; or why it is not known."""
+    ran = [name for _, name in results.runs.keys() if name == code]  # asking for all items wants them whole
+    failed = [why for (_, name), why in results.failed.items() if name == code]
+    away = [why for (_, name), why in results.left_out.items() if name == code]
+    if not ran:
+        return f"it failed: {failed[0]}" if failed else f"it did not run: {away[0]}" if away else ""
+    try:
+        found = attribution.main(results, code)
+    except GpudemError as error:
+        return f"{UNKNOWN}: {error}"
+    if found.what.startswith(attribution.NOT_KNOWN):
+        return f"{UNKNOWN}: {found.what.removeprefix(attribution.NOT_KNOWN)}"
+    return found.phrase()
+
+
+def sentence(code: str, what: str, checks: Sequence[CheckResult]) -> str:
+    """What was found of a code in a case: its checks in numbers, and what differs (`differs`)."""
+    status = [check.status for check in checks if code in check.needs]
+    judged = len(status) - status.count("left_out")
+    held = f"all {judged} of its checks hold" if judged else "none of its checks could be judged"
+    words = {"fail": "do not hold", "error": "could not be evaluated"}
+    bad = [
+        f"{status.count(kind)} of its {judged} checks {says}"
+        for kind, says in words.items()
+        if kind in status
+    ]
+    return f"{codes.title(code)}: {' and '.join(bad) or held}; {what}"
 
 
 def not_written(error: KeyError, runs: Mapping[Key, Run], failed: Mapping[Key, str]) -> str:

@@ -148,14 +148,24 @@ class Evaluation:
         """The variants that depend on the runs that there are."""
         return self.case.follow_up(self._results(())) if self.case.follow_up else []
 
-    def headline(self, checks: list[CheckResult]) -> str:
+    def differs(self) -> dict[str, str]:
+        """What differs in each code that a user brought (`brought.differs`), by code."""
+        own = [code for code in self.selected if codes.brought(code)]
+        found = {code: brought.differs(code, self._results((code,))) for code in own}
+        return {code: what for code, what in found.items() if what}
+
+    def headline(self, checks: list[CheckResult], differs: dict[str, str]) -> str:
         """What was found, in one sentence; why it could not be made where that fails."""
         if self.case.headline is None:
-            return ""
+            found = [brought.sentence(code, what, checks) for code, what in differs.items()]
+            return f"{'; '.join(found)}." if found else ""
         try:
-            return self.case.headline(self._results(()), checks)
+            first = self.case.headline(self._results(()), checks)
         except Exception as error:
             return f"the sentence could not be made: {describe(error)}"
+        ran = {code for _, code in self.runs}
+        more = [f"{codes.title(code)}: {what}" for code, what in differs.items() if code in ran]
+        return f"{'; '.join([first.removesuffix('.'), *more])}." if more else first
 
     def figure(self, figure: Figure, root: Path, number: int) -> Artefact:
         """Draw one figure into <case>/figures/."""

@@ -8,6 +8,7 @@ import time
 import traceback
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from contextlib import AbstractContextManager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -147,6 +148,8 @@ class Session:
         self._display = jobs.Display(self.reporter)
         self._began = time.monotonic()
         self._order: dict[jobs.Key, int] = {}
+        self._not_sent: dict[str, str] = {}
+        """Codes with a run that could not be sent to a worker: why."""
         self.comparison = Comparison(
             tier=tier,
             codes=selected,
@@ -162,11 +165,8 @@ class Session:
         """All cases. After Ctrl-C what is done is kept, and the rest is left out, and why."""
         self.write()
         try:
-            if self._executor is not None:
-                self._side_by_side(self._executor)
-            elif self._workers > 1:
-                with jobs.local_workers(self._workers, self._display) as executor:
-                    self._side_by_side(executor)
+            if self._executor is not None or self._workers > 1:
+                self._side_by_side([self._open(case) for case in self.cases.values()])
             else:
                 for case in self.cases.values():
                     self.run_case(case)
@@ -188,6 +188,17 @@ class Session:
         self._title(opened)
         self._alone(opened)
         return self._judge(opened)
+
+    def run_with_others(self, case: Case) -> None:
+        """Run a case that has not run. Where runs go side by side, all others that have not run take part;
+        a case that times programs itself runs alone.
+        """
+        if self._executor is None and self._workers == 1:
+            self.run_case(case)
+            return
+        waiting = {blank.name for blank in self.comparison.cases if blank.status == "waiting"}
+        others = [other for other in self.cases.values() if other.name in waiting and not other.timed]
+        self._side_by_side([self._open(one) for one in ([case] if case.timed else others)])
 
     def interrupted(self) -> None:
         """Ctrl-C: what did not come to be evaluated is left out, and said so."""
@@ -217,12 +228,8 @@ class Session:
 
     # -- parts -----------------------------------------------------------------------------------------------
 
-    def _side_by_side(self, executor: Executor) -> None:
-        """What is timed first, alone; then all others, each case judged when its last run is in.
-
-        Checks are evaluated in this process while workers go on with the runs of other cases.
-        """
-        opened = [self._open(case) for case in self.cases.values()]
+    def _side_by_side(self, opened: list[_Open]) -> None:
+        """What is timed first, alone; then all others, each case judged when its last run is in."""
         for case in opened:
             for job in [job for job in case.to_run if case.is_timed(job)]:
                 self._here(case, job)
@@ -230,10 +237,21 @@ class Session:
                 self._title(case)
                 self._alone(case)
                 self._judge(case)
+        rest = [case for case in opened if not case.case.timed]
+        with self._workers_of_session() as executor:
+            self._untimed(rest, executor)
+
+    def _workers_of_session(self) -> AbstractContextManager[Executor]:
+        if self._executor is not None:
+            return contextlib.nullcontext(self._executor)
+        return jobs.local_workers(self._workers, self._display)
+
+    def _untimed(self, opened: list[_Open], executor: Executor) -> None:
+        """Checks are evaluated in this process while workers go on with the runs of other cases."""
         waiting: _Sent = {}
         for case in opened:
             self._send(case, executor, waiting)
-        ready = [case for case in opened if not case.to_run and not case.case.timed]
+        ready = [case for case in opened if not case.to_run]
         at_the_end: list[_Open] = []
         try:
             while waiting or ready or at_the_end:
@@ -261,10 +279,16 @@ class Session:
         """Hand the runs that a case has to do to the executor; those that cannot be sent are done here."""
         for job in list(case.to_run):
             on_one_core = dataclasses.replace(job, options=_one_core(job.options))
-            if job.can_be_sent():
-                waiting[executor.submit(jobs.in_worker, on_one_core)] = case, job
-            else:
+            why = job.why_not_sent()
+            if why:
+                self._not_sent.setdefault(job.key[2], why)
                 self._here(case, on_one_core, shared=True)
+            else:
+                waiting[executor.submit(jobs.perform, on_one_core)] = case, job
+        self.comparison.notices[:] = [
+            f"{codes.title(code)} runs in the main process, one run after another: {why}"
+            for code, why in self._not_sent.items()
+        ]
 
     def _alone(self, case: _Open) -> None:
         """Do all runs of a case in this process, one after another."""
@@ -311,6 +335,7 @@ class Session:
 
     def _take(self, case: _Open, job: jobs.Job, outcome: jobs.Outcome, shared: bool) -> None:
         """Note what came of a job; `shared`: others may have run beside it."""
+        self._display((job.key, None))  # a worker that has died has not said so
         case.to_run[:] = [other for other in case.to_run if other.key != job.key]
         case.spent += outcome.wall_s
         evaluation, (name, label, code), run = case.evaluation, job.key, outcome.run
@@ -369,7 +394,9 @@ class Session:
         tables = [t for t in (*attribution.tables(ran), *case.case.tables) if self.tier in t.tiers]
         result.artefacts[:] = [evaluation.figure(f, self.directory, k) for k, f in enumerate(figures, 1)]
         result.artefacts.extend(evaluation.table(t, self.directory, k) for k, t in enumerate(tables, 1))
-        result = dataclasses.replace(result, headline=evaluation.headline(checks))
+        differs = evaluation.differs()
+        headline = evaluation.headline(checks, differs)
+        result = dataclasses.replace(result, headline=headline, differs=differs)
         case.spent += time.monotonic() - began
         self._replace(dataclasses.replace(result, wall_s=case.spent))
         self._say(result, checks, findings, case.spent)
@@ -458,7 +485,7 @@ def _outcome(done: Future[jobs.Outcome]) -> jobs.Outcome:
     try:
         return done.result()
     except BrokenExecutor as error:
-        why = f"a worker process ended before its run did (killed, or out of memory?): {error}"
+        why = f"the worker process ended before its run did: {error}"
         return jobs.Outcome("failed", 0.0, why=f"{why}; --jobs 1 runs all in one process", traceback=why)
     except Exception as error:  # what came back cannot be read here
         return jobs.Outcome("failed", 0.0, why=describe(error), traceback=traceback.format_exc())

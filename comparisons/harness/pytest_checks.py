@@ -1,7 +1,8 @@
-"""Checks as tests of pytest: one case runs at its first check, the report is written as the cases end.
+"""Checks as tests of pytest: the cases run at the first check, the report is written as they end.
 
-`comparisons.pytest_plugin` registers `Checks` where its options select some. With pytest-xdist all checks run
-in one worker, which writes the report.
+Their runs go side by side as in `gpudem compare`, in processes that exist during that first check only; a
+case that times programs runs alone, at its own first check. `comparisons.pytest_plugin` registers `Checks`
+where its options select some. With pytest-xdist all checks run in one worker, which writes the report.
 """
 
 from __future__ import annotations
@@ -39,11 +40,14 @@ class Checks:
         self.reports: list[Path] = []
         """Folders of comparisons that workers of pytest-xdist have run."""
         self._session: execute.Session | None = None
-        self._done: dict[str, dict[str, CheckResult]] = {}
         tier = config.getoption("gpudem_tier") or TIERS[0]
         if tier not in TIERS:
             raise pytest.UsageError(f"--gpudem-tier {tier}: choose from {', '.join(TIERS)}")
         self.tier: Tier = cast(Tier, tier)
+        jobs: str | None = config.getoption("gpudem_jobs")
+        if jobs is not None and not (jobs.isdecimal() and int(jobs)):
+            raise pytest.UsageError(f"--gpudem-jobs {jobs}: a whole number from 1 on is needed")
+        self.workers = execute.default_workers(codes.Options()) if jobs is None else int(jobs)
         try:
             self.cases = self._selected()
             self.codes = codes.select(self._given("code") or codes.CODES)
@@ -75,12 +79,13 @@ class Checks:
         return (yield)
 
     def run(self, case: Case, wanted: list[Case]) -> dict[str, CheckResult]:
-        """The results of a case by check; it runs at the first call."""
+        """The results of a case by check; it runs at the first call, with others that are wanted."""
         if self._session is None:
             self._session = self._begin(wanted)
-        if case.name not in self._done:
-            self._done[case.name] = {found.name: found for found in self._session.run_case(case)}
-        return self._done[case.name]
+        comparison = self._session.comparison
+        if next(c for c in comparison.cases if c.name == case.name).status == "waiting":
+            self._session.run_with_others(case)
+        return {found.name: found for found in comparison.checks if found.case == case.name}
 
     def problems(self, case: Case) -> list[str]:
         """What went wrong in a case outside its checks, once it has run."""
@@ -102,8 +107,16 @@ class Checks:
         worker = getattr(self.config, "workerinput", None)  # of pytest-xdist
         arguments = worker["mainargv"][1:] if worker else self.config.invocation_params.args
         return execute.Session(
-            wanted, directory, tier=self.tier, selected=self.codes, command=["pytest", *map(str, arguments)]
-        )
+            wanted, directory, tier=self.tier, selected=self.codes, command=["pytest", *map(str, arguments)],
+            workers=self.workers,
+        )  # fmt: skip
+
+    def time_limit(self) -> float:
+        """Of a test that runs cases [s]: that of pytest-timeout for each of them; 0: none."""
+        if not self.config.pluginmanager.hasplugin("timeout"):
+            return 0.0
+        given = self.config.getoption("timeout")
+        return float(self.config.getini("timeout") or 0.0 if given is None else given) * len(self.cases)
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_xdist_make_scheduler(self, config: pytest.Config, log: Any) -> Any:
@@ -140,7 +153,9 @@ class Checks:
             self.reports.append(Path(found))
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
-        """Say where the report is."""
+        """Say where the report is, and what concerns all of it."""
+        for line in self._session.comparison.notices if self._session else ():
+            terminalreporter.write_line(line)
         for directory in self.reports:
             terminalreporter.write_line(f"report: {directory / 'report.html'}")
 
@@ -157,6 +172,7 @@ class Collected(pytest.Collector):
         return list(self._items())
 
     def _items(self) -> Iterator[pytest.Item]:
+        limit = self.checks.time_limit()
         for case in self.checks.cases:
             for name in [*(c.name for c in case.checks_of(self.checks.tier, self.checks.codes)), WHOLE]:
                 # one "::" in its id: what stands before it is a file to pytest-xdist, and kept together
@@ -164,6 +180,8 @@ class Collected(pytest.Collector):
                     self, name=f"{case.name}: {name}".replace("::", ":"), case=case, check=name
                 )
                 item.add_marker(NAME)
+                if limit:
+                    item.add_marker(pytest.mark.timeout(limit))
                 yield item
 
 
@@ -175,7 +193,7 @@ class CheckItem(pytest.Item):
         self.case, self.check = case, check
 
     def runtest(self) -> None:
-        """Run the case if this is its first check."""
+        """Run the case if no check has yet."""
         assert isinstance(self.parent, Collected)
         checks = self.parent.checks
         here = [item.case for item in self.session.items if isinstance(item, CheckItem)]

@@ -211,6 +211,8 @@ class Recorded:
     findings: list[FindingResult] = dataclasses.field(default_factory=list)
     code: dict[str, str] = dataclasses.field(default_factory=dict)
     """As in `CaseResult`; empty in records of before it was kept."""
+    edited: str = ""
+    """Date of the last change of its texts, where they are not those of the run; no number is changed."""
 
     __pydantic_config__ = ConfigDict(ser_json_inf_nan="strings")
 
@@ -237,6 +239,8 @@ class CaseResult:
     """Of the full tier, where this comparison is of a shorter one."""
     headline: str = ""
     """What was found, in one sentence; empty for a case that has none."""
+    differs: dict[str, str] = dataclasses.field(default_factory=dict)
+    """What differs in each code that a user brought, or that nothing does, in a few words."""
     code: dict[str, str] = dataclasses.field(default_factory=dict)
     """Hash of the source code of each check, over all tiers (`sources.hashes`)."""
 
@@ -261,6 +265,8 @@ class Comparison:
     wall_s: float = 0.0
     missing: dict[str, str] = dataclasses.field(default_factory=dict)
     """Codes selected that are not on this machine: why, and how to get them."""
+    notices: list[str] = dataclasses.field(default_factory=list)
+    """What concerns the whole comparison, such as a code whose runs cannot go side by side."""
     state: Literal["running", "done", "interrupted"] = "running"
     schema_version: int = SCHEMA_VERSION
 

@@ -51,7 +51,7 @@ def essentials(scene: Scene) -> dict[tuple[str, str], float | str]:
     slots = f"normal {c.normal}, tangential {c.tangential}, rolling {c.rolling}"
     table["contact law", ""] = ", ".join([slots, *extras])
     physics = [name.replace("_", " ") for name, wanted in scene.needs if wanted]
-    table["physics in play", ""] = ", ".join(physics) or "normal contact only"
+    table["physics of the scene", ""] = ", ".join(physics) or "normal contact only"
     if any(scene.gravity):
         table["gravity", "m/s²"] = "({:g}, {:g}, {:g})".format(*scene.gravity)
     if scene.planes:
@@ -122,6 +122,6 @@ def _text(value: float | str) -> str:
 
 
 def _fate(plane: Plane) -> str:
-    gone = f" (gone at {plane.removed_at:g} s)" if plane.removed_at else ""
+    gone = f" (removed at {plane.removed_at:g} s)" if plane.removed_at else ""
     moves = plane.vibration
     return gone + (f" (vibrates at {moves.speed:g} m/s, amplitude {moves.amplitude:g} m)" if moves else "")

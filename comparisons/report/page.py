@@ -30,7 +30,7 @@ COLLECTED = {
         " stepping only, one core, the codes in turn on one machine.",
     ),
     "advice": (
-        "Which step, modulus and precision to use",
+        "Which time step, modulus and precision to use",
         "Recommendations, with the numbers measured here.",
     ),
     "work_precision": (
@@ -42,7 +42,7 @@ COLLECTED = {
         "Speed and memory",
         "Both codes in one run on one machine: the same scene, the same number of cores, warm-up first.",
     ),
-    "limits": ("Where each code breaks", "The limits of each code, and what goes wrong beyond them."),
+    "limits": ("Where each code breaks", "The limits of each code, and what happens beyond them."),
     "leaves_out": (
         "What a scene leaves out",
         "Physics that a scene does not have costs nothing: no array, no kernel branch, no deck line.",
@@ -105,6 +105,6 @@ def _environment() -> jinja2.Environment:
     environment.filters |= {
         "num": number, "short": lambda x: number(x, 2), "quantity": quantity, "duration": duration,
         "code": codes.title, "memory": report_view.memory, "slug": report_view.anchor,
-        "link": link,
+        "link": link, "named": report_view.named,
     }  # fmt: skip
     return environment

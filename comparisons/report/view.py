@@ -10,7 +10,7 @@ import math
 import re
 from pathlib import Path
 
-from comparisons.harness import codes
+from comparisons.harness import attribution, brought, codes
 from comparisons.harness.folder import DECK, Folder, Refused
 from comparisons.harness.numbers import DASH, MINUS, number
 from comparisons.harness.results import (
@@ -29,8 +29,8 @@ TICKS = range(LOW, HIGH + 1, 2)
 MARKS = {
     "A": "closed form, ODE solution or exact invariance",
     "P": "published measurement or computation",
-    "X": "the other code, from the same numbers",
-    "R": "stored earlier result of this code",
+    "X": "another code on the same scene",
+    "R": "another run of the same code: with another option, or an earlier one that is stored",
 }
 
 WORDS = {"pass": "PASS", "fail": "FAIL", "error": "ERROR", "left_out": "LEFT OUT"}
@@ -50,6 +50,9 @@ FILES = (
     "log*",
     "error.txt",
 )
+
+#: Sentences of cases, and checks that do not hold, at the top of the page.
+HEADLINES, FAILURES = 6, 10
 
 #: Decks printed in the page per case; further ones are linked.
 MAX_DECKS = 12
@@ -74,6 +77,39 @@ def missing_codes(comparison: Comparison) -> list[str]:
             f" {away} runs, and the checks that need them, are left out."
         )
     return found
+
+
+def own_codes(comparison: Comparison) -> list[str]:
+    """For page and terminal: what was found of each code that a user brought over several cases, a sentence
+    each; none where one case says it.
+    """
+    made = []
+    for code in dict.fromkeys(code for case in comparison.cases for code in case.differs):
+        found: dict[str, list[str]] = {}
+        for case in comparison.cases:
+            if code in case.differs:
+                found.setdefault(case.differs[code].partition(":")[0], []).append(case.name)
+        if sum(map(len, found.values())) < 2:
+            continue
+        parts = [f"{what} in {_some(names)}" for what, names in sorted(found.items(), key=_follows_last)]
+        mine = [c for c in comparison.checks if code in c.needs and c.status != "left_out"]
+        bad = sum(c.status != "pass" for c in mine)
+        checks = f"{bad} of its {len(mine)} checks do not hold" if bad else f"all {len(mine)} checks hold"
+        made.append(f"{codes.title(code)}: {'; '.join(parts)}; {checks}.")
+    return made
+
+
+def _follows_last(item: tuple[str, list[str]]) -> tuple[bool, int]:
+    """What differs first, in most cases first."""
+    what, names = item
+    return what in (attribution.FOLLOWED, brought.UNKNOWN), -len(names)
+
+
+def _some(names: list[str]) -> str:
+    """Names of cases; of many their number."""
+    if len(names) > 4:
+        return f"{len(names)} cases"
+    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
 class View:
@@ -110,6 +146,22 @@ class View:
     def missing(self) -> list[str]:
         """A sentence for each code that is not on the machine."""
         return missing_codes(self.comparison)
+
+    @functools.cached_property
+    def own_codes(self) -> list[str]:
+        """A sentence for each code that a user brought, over several cases."""
+        return own_codes(self.comparison)
+
+    @functools.cached_property
+    def headlines(self) -> list[CaseResult]:
+        """Cases whose sentence stands at the top: all, or those that no other sentence sums up."""
+        found = [case for case in self.comparison.cases if case.headline]
+        return found if len(found) <= HEADLINES else [case for case in found if not case.differs]
+
+    @functools.cached_property
+    def failures(self) -> list[CheckResult]:
+        """The first checks that fail or could not be evaluated."""
+        return [c for c in self.checks if c.status in ("fail", "error")][:FAILURES]
 
     @functools.cached_property
     def versions(self) -> list[str]:
@@ -254,6 +306,11 @@ class View:
 def memory(n: float) -> str:
     """Bytes for a reader."""
     return f"{n / 2**30:.2f} GiB" if n >= 2**30 else f"{n / 2**20:.0f} MiB" if n else DASH
+
+
+def named(text: str) -> str:
+    """The name of a check or finding, with the names that people know codes by."""
+    return re.sub(r"\b[a-z]\w*\b", lambda word: codes.title(word[0]), text)
 
 
 def anchor(text: str) -> str:

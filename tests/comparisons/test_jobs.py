@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+import multiprocessing
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import Executor, Future
 from pathlib import Path
 
 import pytest
 
-from comparisons.harness import codes, execute, jobs, results
+from comparisons.harness import codes, execute, jobs, results, workers
 from comparisons.harness.case import Check, Variant
 from gpudem.errors import GpudemError
 from tests.comparisons import fake, waiting_codes
@@ -46,10 +49,10 @@ def test_side_by_side_gives_the_results_of_one_after_another(tmp_path):
     """Would detect: results in the order in which runs end, threads that change a bit, options not sent."""
     cases = [plain(fake.case(name), timed=("dt_2e-05",)) for name in ("first", "second")]
     found = []
-    for workers in (1, 2):
-        (tmp_path / str(workers)).mkdir()
+    for count in (1, 2):
+        (tmp_path / str(count)).mkdir()
         session = execute.Session(
-            cases, tmp_path / str(workers), selected=("gpudem",), workers=workers,
+            cases, tmp_path / str(count), selected=("gpudem",), workers=count,
             options=codes.Options(precision="mixed"),
         )  # fmt: skip
         found.append(session.run())
@@ -82,7 +85,7 @@ def test_what_is_timed_runs_before_all_others_and_a_case_that_times_is_judged_th
         return perform(job, tell)
 
     monkeypatch.setattr(jobs, "perform", here)
-    monkeypatch.setattr(jobs.Job, "can_be_sent", lambda job: True)
+    monkeypatch.setattr(jobs.Job, "why_not_sent", lambda job: "")
     monkeypatch.setitem(codes.CODES, "gpudem", fake.code("gpudem"))
 
     def times_itself(found):
@@ -113,13 +116,99 @@ def test_times_of_a_run_that_is_not_timed_cannot_be_read(tmp_path, fake_codes, w
     assert "timed=True" in comparison.checks[0].why
 
 
-def test_a_worker_that_dies_is_an_error_of_its_run_that_says_so(tmp_path, monkeypatch):
-    monkeypatch.setitem(codes.CODES, "dies", waiting_codes.DIES)
-    case = waiting_codes.case(waiting_codes.DIES, 1)
-    comparison = execute.Session([case], tmp_path, selected=("dies",), workers=2).run()
+def test_a_worker_that_dies_costs_its_run_alone(tmp_path, monkeypatch):
+    """Detects a dead worker that takes other runs with it, is not replaced, or whose end is not named."""
+    monkeypatch.setitem(codes.CODES, "falls", waiting_codes.FALLS)
+    labels = ("killed_1", "v1", "exits_1", "killed_2", "v2", "ended_1", "v3", "v4")
+    case = waiting_codes.case(waiting_codes.FALLS, *labels)
+    comparison = execute.Session([case], tmp_path, selected=("falls",), workers=2).run()
     assert comparison.exit_code() == 3
-    assert "a worker process ended before its run did" in comparison.runs[0].why
-    assert "--jobs 1" in comparison.runs[0].why
+    assert [run.variant for run in comparison.runs] == list(labels)
+    why = {run.variant: run.why for run in comparison.runs if run.status == "error"}
+    assert set(why) == {"killed_1", "killed_2", "exits_1", "ended_1"}
+    assert {run.status for run in comparison.runs if run.variant not in why} == {"ok"}
+    for label, end in (
+        ("killed_1", "killed by SIGKILL, as the system does where memory runs out"),
+        ("exits_1", "exit code 7"), ("ended_1", "exit code 143 (SIGTERM)"),
+    ):  # fmt: skip
+        assert f"the worker process ended before its run did: {end}; --jobs 1" in why[label]
+    assert not [child for child in multiprocessing.active_children() if child.is_alive()]
+
+
+def test_a_code_that_cannot_be_sent_is_named_once(tmp_path, fake_codes):
+    """Detects runs that go one after another in the main process without a word."""
+    cases = [plain(fake.case(name)) for name in ("first", "second")]
+    cases = [
+        dataclasses.replace(case, variants=lambda tier: [Variant("dt_1e-05", fake.scene())], checks=())
+        for case in cases
+    ]
+    comparison = execute.Session(cases, tmp_path, workers=2).run()
+    assert [run.status for run in comparison.runs] == ["ok"] * 4
+    assert [line.partition(":")[0] for line in comparison.notices] == [
+        f"{title} runs in the main process, one run after another" for title in ("gpudem", "LIGGGHTS")
+    ]
+    assert "its run function cannot be sent to another process" in comparison.notices[0]
+    assert (tmp_path / "report.html").read_text().count("gpudem runs in the main process") == 1
+    assert results.load(tmp_path).notices == comparison.notices
+
+
+class Unreadable:
+    """Can be pickled and not be read again."""
+
+    def __reduce__(self):
+        return int, ("x",)
+
+
+def unreadable() -> Unreadable:
+    return Unreadable()
+
+
+def test_calls_whose_results_cannot_be_sent_or_read_leave_the_next_ones_right():
+    """Detects a result that is taken for that of the next call, and a wait without end."""
+    with workers.workers(1, list) as pool:
+        calls = [(math.sqrt, 4.0), (math.sqrt, "x"), (threading.Lock,), (unreadable,), (os.getpid,)]
+        made = [pool.submit(*call) for call in calls]
+        assert made[0].result(60) == 2.0
+        with pytest.raises(TypeError, match="must be real number"):
+            made[1].result(60)
+        with pytest.raises(TypeError, match="cannot be sent to the parent"):
+            made[2].result(60)
+        with pytest.raises(ValueError, match="invalid literal"):
+            made[3].result(60)
+        pid = made[4].result(60)
+        os.kill(pid, signal.SIGKILL)  # one that dies between two calls costs none
+        assert wait_until(lambda: not alive(pid), 10.0)
+        assert pool.submit(os.getpid).result(60) != pid
+
+
+def stubborn() -> None:
+    """A call that does not end when it is asked to."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    time.sleep(120.0)
+
+
+def test_workers_that_do_not_end_are_killed_in_time(monkeypatch):
+    """Detects a comparison that waits for a worker for ever."""
+    monkeypatch.setattr(workers, "GRACE", 0.5)
+
+    def stopped():
+        with workers.workers(2, list) as pool:
+            pool.submit(stubborn)
+            late = pool.submit(time.sleep, 60.0)
+            assert wait_until(lambda: len(pool._processes) == 2, 30.0)
+            time.sleep(1.0)
+            started.extend(pool._processes)
+            calls.append(late)
+            raise KeyboardInterrupt
+
+    started, calls = [], []
+    begin = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        stopped()
+    assert time.monotonic() - begin < 35.0
+    assert not any(process.is_alive() for process in started)
+    with pytest.raises(workers.WorkerDied):
+        calls[0].result(10.0)
 
 
 def pids(directory: Path) -> list[int]:
@@ -158,7 +247,7 @@ def test_no_process_stays_when_the_comparison_is_stopped(tmp_path, how):
     else:
         process.send_signal(signal.SIGTERM if how == "term" else signal.SIGKILL)
     _, errors = process.communicate(timeout=60)
-    assert wait_until(lambda: not any(map(alive, started)), 2 * jobs.GRACE)
+    assert wait_until(lambda: not any(map(alive, started)), 2 * workers.GRACE)
     if how != "kill":
         assert process.returncode == 130
         assert "Traceback" not in errors
@@ -195,12 +284,12 @@ def test_the_codes_can_be_sent_to_other_processes(name, tmp_path):
     job = jobs.Job(
         ("case", "variant", name), "title", fake.scene(), codes.CODES[name].run, tmp_path, options, {}
     )
-    assert job.can_be_sent()
+    assert job.why_not_sent() == ""
 
 
 def test_a_worker_that_misses_a_request_to_end_is_asked_again(monkeypatch):
     """Catches a worker killed for one lost signal: the child of its run would go on without it."""
-    monkeypatch.setattr(jobs, "ASK_EVERY", 0.0)
+    monkeypatch.setattr(workers, "ASK_EVERY", 0.0)
     said = []
 
     class Worker:
@@ -214,7 +303,7 @@ def test_a_worker_that_misses_a_request_to_end_is_asked_again(monkeypatch):
             said.append("kill")
 
         def join(self, seconds):
-            assert seconds <= jobs.GRACE
+            assert seconds <= workers.GRACE
 
-    jobs._stop([Worker()])
+    workers.stop([Worker()])
     assert said == ["end", "end"]

@@ -118,6 +118,44 @@ def test_mistake_is_caught_and_named(ours, tmp_path, mistake):
     assert verdict.order == pytest.approx(1.0 if mistake == "euler" else 0.0, abs=0.15)
 
 
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ("", "all 3 of its checks hold; the contact law is followed"),
+        (
+            "--mistake damping_mass",
+            "3 of its 3 checks do not hold; the contact law differs (normal force, as with mass of the first"
+            " particle in the damping instead of the reduced mass)",
+        ),
+        (
+            "--digits 6",
+            "none of its checks could be judged; what differs is not known: output with 6 significant digits",
+        ),
+    ],
+)
+def test_the_sentence_for_the_top_of_the_page(ours, tmp_path, options, sentence):
+    """Detects a finding on a user's code that stands in a table only, for a case and for a scene."""
+    evaluation = evaluated(ours, tmp_path, options, "head_on")
+    checks, differs = list(step_by_step(evaluation).values()), evaluation.differs()
+    assert evaluation.headline(checks, differs) == f"my_dem: {sentence}."
+    evaluation.case = dataclasses.replace(evaluation.case, headline=lambda results, checks: "As a scene.")
+    assert evaluation.headline(checks, differs) == f"As a scene; my_dem: {sentence.partition('; ')[2]}."
+
+
+def test_the_sentence_says_why_a_code_did_not_run(ours, tmp_path):
+    """Detects silence about a code without runs, and a verdict from the runs that are left."""
+    evaluation = evaluated(ours, tmp_path, "", "head_on")
+    (first, second) = [label for label, code in evaluation.runs if code == NAME]
+    del evaluation.runs[first, NAME]
+    evaluation.failed[first, NAME] = "status 3"
+    assert evaluation.differs() == {NAME: f"what differs is not known: my_dem failed on {first}: status 3"}
+    del evaluation.runs[second, NAME]
+    assert evaluation.differs() == {NAME: "it failed: status 3"}
+    evaluation.failed.clear()
+    evaluation.unstated[first, NAME] = "no hertz"
+    assert evaluation.differs() == {NAME: "it did not run: no hertz"}
+
+
 def test_wall_is_named_where_contacts_of_particles_are_right(ours, tmp_path):
     """Detects a wrong wall that is taken for a wrong law."""
     (verdict,) = verdicts(evaluated(ours, tmp_path, "--mistake wall_sphere", "oblique", "default"))

@@ -111,6 +111,20 @@ def test_checks_are_tests_without_any_test_file(repository, tmp_path):
     assert results(report)["codes"] == ["mine"]
 
 
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_runs_go_side_by_side(repository, tmp_path, jobs):
+    """Detects a plug-in that ignores --gpudem-jobs, or whose workers do not find the repository's cases."""
+    text = repository(
+        "--gpudem-cases", "my_cases", "--gpudem-code", "mine", "--gpudem-out", "report", "--gpudem-jobs",
+        str(jobs), code=1,
+    )  # fmt: skip
+    assert "1 failed, 2 passed" in text
+    assert "main process" not in text
+    found = results(tmp_path / "repository" / "report")
+    assert found["notices"] == []
+    assert [timing["shared"] for timing in found["timings"]] == [jobs > 1]
+
+
 def test_cases_and_codes_by_entry_points_beside_tests_of_theirs(repository, tmp_path):
     info = tmp_path / "site" / "their_cases-1.dist-info"
     info.mkdir()
@@ -169,8 +183,12 @@ def test_a_scene_and_a_code_behind_a_command(repository, tmp_path):
         (("--gpudem-cases", "no_such"), "gpudem: cases 'no_such': does not load: ModuleNotFoundError"),
         (("--gpudem-case", "head_on", "--gpudem-code", "yade"), "gpudem: no code 'yade'"),
         (("--gpudem-case", "head_on", "--gpudem-tier", "huge"), "--gpudem-tier huge: choose from quick"),
+        (
+            ("--gpudem-case", "head_on", "--gpudem-jobs", "0"),
+            "--gpudem-jobs 0: a whole number from 1 on is needed",
+        ),
     ],
-    ids=["case", "package", "code", "tier"],
+    ids=["case", "package", "code", "tier", "jobs"],
 )
 def test_a_mistake_is_one_line(repository, arguments, message):
     lines = [line for line in repository(*arguments, code=4).splitlines() if line]

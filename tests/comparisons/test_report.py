@@ -74,6 +74,41 @@ def test_text_from_anywhere_is_escaped(page):
     assert "# &lt;deck&gt; of a fake" in page
 
 
+def test_what_was_found_of_a_users_code_stands_at_the_top(finished):
+    """Detects a finding over many cases that has to be looked for in each of them."""
+    case, follows = finished[1].cases[0], "the contact law is followed"
+    found = [follows] * 5 + ["the contact law differs (normal force)"] * 2
+    found += ["what differs is not known: no contact", "what differs is not known: few digits"]
+    cases = [
+        dataclasses.replace(case, name=f"case_{k}", headline="one of many", differs={"gpudem": what})
+        for k, what in enumerate(found)
+    ]
+    comparison = dataclasses.replace(finished[1], cases=cases, checks=finished[1].checks[:4])
+    assert report_view.own_codes(comparison) == [
+        "gpudem: the contact law differs (normal force) in case_5 and case_6; the contact law is followed in"
+        " 5 cases; what differs is not known in case_7 and case_8; all 4 checks hold."
+    ]
+    comparison = dataclasses.replace(comparison, checks=[])
+    head = report.html(comparison, finished[0]).partition("</header>")[0]
+    assert "differs (normal force) in case_5 and case_6" in head
+    assert "one of many" not in head
+    few = dataclasses.replace(comparison, cases=cases[:1])
+    assert report_view.own_codes(few) == []
+    assert "one of many" in report.html(few, finished[0]).partition("</header>")[0]
+
+
+def test_checks_that_do_not_hold_are_at_the_top_with_their_links(page):
+    """Detects a page whose failures have to be looked for."""
+    head = page.partition("</header>")[0]
+    assert head.count('<a href="#check-troubled-') == 3
+    assert "ValueError: &lt;script&gt;" in head
+
+
+def test_names_of_checks_show_codes_as_people_know_them():
+    shown = report_view.named("order (liggghts) of event_driven, gpudem")
+    assert shown == "order (LIGGGHTS) of event-driven, gpudem"
+
+
 def test_what_an_expert_looks_for(page):
     for text in (
         "7 of 10 checks hold; 2 fail, 1 could not be evaluated", "How to read this", "What is covered",

@@ -7,11 +7,14 @@ from comparisons.cases.limits.extreme_scenes import Extreme, scenes
 from comparisons.kit import number
 from comparisons.metrics.trace import largest_difference
 from gpudem.scene import checks as scene_checks
+from reference.liggghts.code import CODE as LIGGGHTS
 
 CONFIGURATIONS = kit.Configurations(*kit.precisions())
 DOUBLE, MIXED, SINGLE = CONFIGURATIONS.own
 #: LIGGGHTS without the guards of our decks and of our runner, as a user starts it.
-UNGUARDED = kit.Configuration("LIGGGHTS unguarded", "liggghts", {"deviation": "unguarded"}, label="unguarded")
+UNGUARDED = kit.Configuration(
+    "LIGGGHTS unguarded", LIGGGHTS.name, {"deviation": "unguarded"}, label="unguarded"
+)
 #: In the quick tier only scenes in which codes and precisions may differ; tests/comparisons/test_extremes.py
 #: runs all through gpudem.
 QUICK = ("fast_30", "concentric", "leaves", "dead", "far", "edge")
