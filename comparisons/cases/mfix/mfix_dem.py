@@ -225,8 +225,8 @@ def _drop_axes(axes: plots.Axes, results: kit.Results, name: str, rows: Rows, on
             found = {c: results[name, c].trace["position"][:, k, 2] for c in results.codes(name)}
             color = plots.SERIES[mfix.RESTITUTIONS.index(e)]
             plots.exact_and_marks(axes, time, gap + mfix.BALL, found, color, f"e = {e:g}")
-    axes.set(xlabel="time [s]", ylabel="height of the center [m]")
-    axes.set_title(f"{name.upper()}, k = {only:g} N/m")
+    title = f"{name.upper()}, k = {only:g} N/m"
+    axes.set(xlabel="time [s]", ylabel="height of the center [m]", title=title)
 
 
 def _column_axes(axes: plots.Axes, results: kit.Results) -> None:
@@ -238,8 +238,7 @@ def _column_axes(axes: plots.Axes, results: kit.Results) -> None:
             found = {code: results["dem03", code].trace["position"][:, 2 * k + 1, 2] for code in ran}
             exact_height = column(results, time, e)[:, 1]
             plots.exact_and_marks(axes, time, exact_height, found, plots.SERIES[k], f"e = {e:g}")
-    axes.set(xlabel="time [s]", ylabel="height of the upper sphere [m]")
-    axes.set_title("DEM03")
+    axes.set(xlabel="time [s]", ylabel="height of the upper sphere [m]", title="DEM03")
     axes.margins(y=0.18)
     plots.legend(axes, loc="lower right", ncols=3)
 
@@ -256,8 +255,7 @@ def _pellet_axes(axes: plots.Axes, results: kit.Results) -> None:
         axes.plot(mfix.ANGLES, angles, **plots.marks(code, color=plots.color(code), label=plots.name(code)))
     printed = [p[0] for p in mfix.PUBLISHED.values()]
     axes.plot(list(mfix.PUBLISHED), printed, "+", color="#009e73", ms=11, label="MFIX-DEM")
-    axes.set(xlabel="impact angle [deg]", ylabel="rebound angle of the center [deg]")
-    axes.set_title("DEM05")
+    axes.set(xlabel="impact angle [deg]", ylabel="rebound angle of the center [deg]", title="DEM05")
     plots.legend(axes)
 
 

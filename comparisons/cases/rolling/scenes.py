@@ -68,11 +68,10 @@ def step_by_step(
     """Two codes over all traces: velocity by speed(run) [m/s], called `unit`, angular velocity by it / R."""
     fields = {"tolerance": 1e-9} | fields
     end = f"largest difference over the trace / {unit}"
+    spin = f"R x angular velocity, {end}"
     return (
         kit.step_by_step(f"velocity, {end}", "velocity", speed, **fields),
-        kit.step_by_step(
-            f"R x angular velocity, {end}", "angular_velocity", lambda run: speed(run) / RADIUS, **fields
-        ),
+        kit.step_by_step(spin, "angular_velocity", lambda run: speed(run) / RADIUS, **fields),
     )
 
 

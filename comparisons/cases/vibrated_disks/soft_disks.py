@@ -199,24 +199,21 @@ def _approach(results: kit.Results) -> plots.Figure:
 
 def _table(results: kit.Results) -> kit.Rows:
     hard, soft = steady(results)
-    found = [approach(results, name) for name in QUANTITIES]
-    rate, want, rows = collisions(results), floor_power(results), []
-    for k, s in enumerate([hard, *soft]):
-        scene = results[label(s.contact_time), "gpudem"].scene if k else None
-        errors = [100 * float(one.errors[k - 1] if k else one.limit_error) for one in found]
-        rows.append({
-            "contact time [s]": s.contact_time,
-            "Young's modulus [Pa]": scene.materials["disk"].young if scene else math.nan,
-            "averaged over [s]": s.duration,
-            "kinetic energy per disk [J]": s.kinetic,
-            "standard error [%]": errors[0],
-            "mean height [m]": s.height,
-            "standard error of it [%]": errors[1],
-            "contacts / (collisions x contact time)": s.contacts / (rate * s.contact_time) if k else math.nan,
-            "power of the floor / (N m g U)": s.power / want,
-            f"run time of {LENGTH:g} s [s]": s.seconds * LENGTH,
-        })  # fmt: skip
-    return rows
+    rate, want = collisions(results), floor_power(results)
+    found = (approach(results, name) for name in QUANTITIES)
+    errors = ([100 * float(e) for e in (one.limit_error, *one.errors)] for one in found)
+    moduli = {name: run.scene.materials["disk"].young for name, run in results.of("gpudem")}
+    return [
+        {"contact time [s]": (t := s.contact_time),
+         "Young's modulus [Pa]": moduli.get(label(t), math.nan),
+         "averaged over [s]": s.duration,
+         "kinetic energy per disk [J]": s.kinetic, "standard error [%]": kinetic,
+         "mean height [m]": s.height, "standard error of it [%]": height,
+         "contacts / (collisions x contact time)": s.contacts / (rate * t) if t else math.nan,
+         "power of the floor / (N m g U)": s.power / want,
+         f"run time of {LENGTH:g} s [s]": s.seconds * LENGTH}
+        for s, kinetic, height in zip([hard, *soft], *errors, strict=True)
+    ]  # fmt: skip
 
 
 def check(name: str, measure: Callable[..., kit.Found], *arguments: Any, **fields: Any) -> kit.Check:
