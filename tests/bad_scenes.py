@@ -77,6 +77,38 @@ def bad(name: str, old: str, new: str, *expected: str, problems: int = 1) -> Bad
     return Bad(name, {old: new}, expected, problems)
 
 
+MESH = """kind = "mesh"
+name = "chute"
+material = "acrylic"
+vertices = [[-0.05, -0.05, 0.05], [0.05, -0.05, 0.05], [0.0, 0.05, 0.05]]
+triangles = [[0, 1, 2]]
+"""
+CYLINDER = """kind = "cylinder"
+name = "pipe"
+material = "acrylic"
+radius = 0.04
+point = [0.0, 0.0, 0.1]
+axis = [0.0, 0.0, 1.0]
+length = 0.05
+"""
+CONE = """kind = "cone"
+name = "hopper"
+material = "acrylic"
+radius = 0.01
+end_radius = 0.04
+point = [0.0, 0.0, 0.05]
+axis = [0.0, 0.0, 1.0]
+length = 0.05
+"""
+
+
+def bad_wall(name: str, wall: str, old: str, new: str, *expected: str, problems: int = 1) -> Bad:
+    """The good scene with one wall more, in which `old` is replaced by `new`."""
+    assert wall.count(old) == 1, f"{old!r} must stand in the wall exactly once"
+    wall = wall.replace(old, new)
+    return Bad(name, {"[domain]": f"[[walls]]\n{wall}[domain]"}, expected, problems)
+
+
 # fmt: off
 FIELDS = [
     bad("unknown key", "duration = 0.1", "duration = 0.1\ndurration = 1", "time.durration: unknown key",
@@ -250,5 +282,73 @@ WHOLE = [
          "[output]": "[output]\nframes = 1"},
         ("pairs[1].restitution = 8", "particles.material = 'pp'", "time.step = 1 s: longer than",
          "output.frames: unknown key"), problems=4),
+]
+
+WALLS = [
+    bad_wall("mesh of neither file nor arrays", MESH, MESH[MESH.index("vertices"):], "",
+        "walls[1].file: missing; state file, or vertices and triangles"),
+    bad_wall("mesh of file and arrays", MESH, "vertices", 'file = "a.stl"\nvertices',
+        "walls[1].file = ", "a.stl': beside vertices and triangles; state one of the two"),
+    bad_wall("mesh of vertices alone", MESH, "triangles = [[0, 1, 2]]\n", "", "walls[1].triangles: missing beside vertices"),
+    bad_wall("mesh file that is not there", MESH, MESH[MESH.index("vertices"):], 'file = "gone.stl"\n',
+        "walls: chute.file = ", "gone.stl': no such file"),
+    bad_wall("mesh file that is the scene", MESH, MESH[MESH.index("vertices"):], 'file = "scene.toml"\n',
+        "scene.toml': unknown suffix; known: .stl, .obj, .ply, .vtk, .vtu, .npz"),
+    bad_wall("mesh file that is a number", MESH, MESH[MESH.index("vertices"):], "file = 3\n",
+        "walls[1].file = 3: must be text in quotes"),
+    bad_wall("half a row", MESH, "[[0, 1, 2]]", "[[0, 1, 2.5]]", "walls[1].triangles",
+        "row 1 is [0.0, 1.0, 2.5]; must be whole numbers from 0, shape (n, 3)"),
+    bad_wall("row below zero", MESH, "[[0, 1, 2]]", "[[0, 1, -1]]", "walls[1].triangles", "must be whole numbers from 0"),
+    bad_wall("row counted from one", MESH, "[[0, 1, 2]]", "[[1, 2, 3]]",
+        "walls: chute.triangles: row 1 names vertices 1, 2, 3; must be rows of the 3 vertices, 0 to 2"),
+    bad_wall("row of four", MESH, "[[0, 1, 2]]", "[[0, 1, 2, 0]]", "walls[1].triangles", "has shape (1, 4); must be (n, 3)"),
+    bad_wall("no triangles", MESH, "[[0, 1, 2]]", "[]", "walls: chute.triangles: none given"),
+    bad_wall("triangle without an area", MESH, "[[0, 1, 2]]", "[[0, 1, 1]]",
+        "walls: chute.triangles: none of them has an area"),
+    bad_wall("vertex that is not a number", MESH, "[0.0, 0.05, 0.05]", "[0.0, nan, 0.05]", "walls[1].vertices",
+        "row 3 is not a finite number [m]"),
+    bad_wall("vertices of two numbers", MESH, "[0.0, 0.05, 0.05]", "[0.0, 0.05]", "walls[1].vertices",
+        "rows of different length; must be (n, 3) [m]"),
+    bad_wall("mesh scaled to nothing", MESH, "triangles", "scale = 0.0\ntriangles", "walls[1].scale = 0.0: out of range",
+        "0 < value [1]"),
+    bad_wall("mesh turned about no axis", MESH, "triangles", "rotate = {axis = [0, 0, 0], angle = 90}\ntriangles",
+        "walls[1].rotate.axis", "has no direction"),
+    bad_wall("mesh turned by nothing", MESH, "triangles", "rotate = {axis = [0, 0, 1]}\ntriangles",
+        "walls[1].rotate.angle: missing [deg]"),
+    bad_wall("mesh in millimetres", MESH, "triangles", "scale = 1000\ntriangles",
+        "walls: chute is 141 m across, the domain 0.346 m; a file in millimetres needs scale = 1; waive with"),
+    bad_wall("mesh scaled twice", MESH, "triangles", "scale = 1e-6\nmove = [0.0, 0.0, 0.1]\ntriangles",
+        "walls: chute is 1.41e-07 m across, the smallest radius 0.003 m; scaled twice? scale = 1e-06"),
+    bad_wall("mesh beyond the domain", MESH, "triangles", "move = [0.0, 0.3, 0.0]\ntriangles",
+        "walls: chute lies 0.15 m outside the domain; no particle can reach it"),
+    bad_wall("particle in a mesh", MESH, "triangles", "move = [0.0, 0.0, -0.04]\ntriangles",
+        "particles: 2 in wall chute; particle 1 reaches 0.003 m into it"),
+    bad_wall("mesh without material", MESH, 'material = "acrylic"\n', "", "walls[1].material: missing"),
+    bad_wall("mesh of unknown material", MESH, "acrylic", "steel", "walls[1].material = 'steel': no such material"),
+    bad_wall("mesh with a misspelled key", MESH, "triangles", "scael = 1\ntriangles",
+        "walls[1].scael: unknown key; did you mean 'scale'?"),
+    bad_wall("mesh of the floor's name", MESH, "chute", "floor", "walls: name 'floor' given twice"),
+    bad_wall("present the wrong way round", MESH, "triangles", "present = [0.2, 0.1]\ntriangles",
+        "walls[1].present = [0.2, 0.1]: must rise: from < until [s]"),
+    bad_wall("present before the start", MESH, "triangles", "present = [-0.1]\ntriangles",
+        "walls[1].present = [-0.1]", "0 <= value [s]"),
+    bad_wall("two ends", MESH, "triangles", "removed_at = 0.1\npresent = [0.0, 0.1]\ntriangles",
+        "walls[1].present = [0.0, 0.1]: removed_at is its end already; state one of the two"),
+    bad_wall("belt that stands still", MESH, "triangles", "surface_velocity = [0, 0, 0]\ntriangles",
+        "walls[1].surface_velocity", "has no direction"),
+    bad_wall("cylinder without radius", CYLINDER, "radius = 0.04\n", "", "walls[1].radius: missing [m]"),
+    bad_wall("cylinder without axis", CYLINDER, "[0.0, 0.0, 1.0]", "[0.0, 0.0, 0.0]", "walls[1].axis", "has no direction"),
+    bad_wall("cylinder of negative radius", CYLINDER, "0.04", "-0.04", "walls[1].radius = -0.04", "0 < value [m]"),
+    bad_wall("cylinder of no length", CYLINDER, "length = 0.05", "length = 0", "walls[1].length = 0", "0 < value [m]"),
+    bad_wall("cylinder beyond the domain", CYLINDER, "[0.0, 0.0, 0.1]", "[0.0, 0.0, 0.3]",
+        "walls: pipe lies 0.1 m outside the domain; no particle can reach it"),
+    bad_wall("cylinder around the domain", CYLINDER, "radius = 0.04\npoint = [0.0, 0.0, 0.1]\naxis = [0.0, 0.0, 1.0]\nlength = 0.05",
+        "radius = 0.2\npoint = [0.0, 0.0, 0.1]\naxis = [0.0, 0.0, 1.0]", "walls: pipe lies 0.0586 m outside the domain"),
+    bad_wall("cone of no radius", CONE, "radius = 0.01\nend_radius = 0.04", "radius = 0.0\nend_radius = 0.0",
+        "walls[1].end_radius = 0: must be above 0 where radius = 0 [m]"),
+    bad_wall("cone without length", CONE, "length = 0.05\n", "", "walls[1].length: missing [m]"),
+    bad_wall("saw-tooth and motion", PLANE + '\nmaterial = "acrylic"\npoint = [0, 0, 0]\nnormal = [0, 0, 1]\n', "floor",
+        'lid"\nvibration = {speed = 0.1, amplitude = 0.01}\nmotion = [{type = "linear", velocity = [0, 0, 1]}]#',
+        "walls: lid.vibration: beside motion; state one of the two"),
 ]
 # fmt: on

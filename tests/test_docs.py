@@ -10,6 +10,8 @@ from types import ModuleType
 
 import pytest
 
+from gpudem.scene.wall_kinds import BUILT_IN
+
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 
@@ -56,6 +58,18 @@ def test_every_key_of_a_scene_has_a_meaning():
     rows = [line for line in generated.scene_page().splitlines() if line.startswith("| `")]
     assert len(rows) > 60
     assert not [row for row in rows if row.endswith("|  |")]
+
+
+def test_every_kind_of_wall_has_a_valid_example_and_a_picture():
+    """Catches a kind that the guide leaves out, an example that is no wall, a picture that shows nothing."""
+    drawing = load(DOCS / "_extensions" / "wall_pictures.py")
+    examples = drawing.examples(DOCS / "guide" / "walls.md")
+    assert set(examples) == set(BUILT_IN)
+    pictures = drawing.pictures(DOCS / "guide" / "walls.md")
+    assert pictures == drawing.pictures(DOCS / "guide" / "walls.md")
+    for kind, text in pictures.items():
+        assert text.count("<path") > (40 if kind in ("cylinder", "cone") else 0), kind
+        assert f"../generated/walls/{kind}.svg" in (DOCS / "guide" / "walls.md").read_text()
 
 
 def test_bold_letters_are_characters():

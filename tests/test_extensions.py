@@ -184,45 +184,35 @@ def test_register_refuses_what_is_no_law_or_a_second_one():
 # -- a kind of wall, as another package would write it ------------------------------------------------------
 
 
-class Cylinder(Wall):
-    """The inside of an infinite cylinder."""
+class Ball(Wall):
+    """The inside of a spherical shell."""
 
-    kind: Literal["cylinder"]  # type: ignore[assignment]
+    kind: Literal["ball"]  # type: ignore[assignment]
     point: Annotated[Vector, vector("m")]
-    axis: Annotated[Vector, vector("1", nonzero=True)]
     radius: Annotated[float, positive("m")]
 
     def shape(self) -> tuple[Vector, Vector, Vector]:
-        x, y, z = np.array(self.axis) / np.linalg.norm(self.axis)
-        return (x, y, z), self.point, (self.radius, 0.0, 0.0)
+        return (0.0, 0.0, 0.0), self.point, (self.radius, 0.0, 0.0)
 
     def gap(self, points: np.ndarray) -> np.ndarray:
-        d = points - np.array(self.point)
-        axis = np.array(self.shape()[0])
-        return self.radius - np.linalg.norm(d - np.outer(d @ axis, axis), axis=1)
+        return self.radius - np.linalg.norm(points - np.array(self.point), axis=1)
 
     def outline(self, lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        axis = np.array(self.shape()[0])
-        u = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-        u, t = u / np.linalg.norm(u), np.linspace(0, 2 * np.pi, 49)[:-1]
-        ring = np.array(self.point) + self.radius * (
-            np.outer(np.cos(t), u) + np.outer(np.sin(t), np.cross(axis, u))
-        )
-        half, k = 0.5 * np.linalg.norm(hi - lo) * axis, np.arange(48)
-        return np.concatenate([ring - half, ring + half]), np.stack(
-            [k, (k + 1) % 48, (k + 1) % 48 + 48, k + 48], 1
-        )
+        polar, angle = np.meshgrid(np.linspace(0, np.pi, 13), np.linspace(0, 2 * np.pi, 25), indexing="ij")
+        unit = [np.sin(polar) * np.cos(angle), np.sin(polar) * np.sin(angle), np.cos(polar)]
+        points = np.array(self.point) + self.radius * np.stack(unit, axis=-1).reshape(-1, 3)
+        k = np.arange(12 * 25).reshape(12, 25)[:, :-1].ravel()
+        return points, np.stack([k, k + 1, k + 26, k + 25], axis=1)
 
 
 @wp.func
-def cylinder(walls: Any, w: wp.int32, x: Any):
+def ball(walls: Any, w: wp.int32, x: Any):
     d = x - walls.point[w]
-    d = d - wp.dot(d, walls.direction[w]) * walls.direction[w]
     r = wp.length(d)
     return walls.size[w][0] - r, -d / r
 
 
-KIND = WallKind("cylinder", cylinder, Cylinder)
+KIND = WallKind("ball", ball, Ball)
 # -- end of that file ---------------------------------------------------------------------------------------
 
 
@@ -231,20 +221,19 @@ def registered():
     """The kind is known in this file only."""
     walls.register(KIND)
     yield
-    del walls._registered["cylinder"]
+    del walls._registered["ball"]
 
 
-def drum(**changes: Any) -> Scene:
-    """Balls of two materials fall into a lying cylinder with a flat end on either side."""
+def bowl(**changes: Any) -> Scene:
+    """Particles fall inside a ball of which a slice of 20 mm is left between two planes."""
     data: dict[str, Any] = {
-        "name": "drum", "gravity": (0, 0, -9.81),
+        "name": "bowl", "gravity": (0, 0, -9.81),
         "materials": {"a": {"young": 5e6, "poisson": 0.3, "density": 2500.0}},
         "pairs": [{"materials": ("a", "a"), "restitution": 0.3, "friction": 0.4}],
         "particles": {"source": "lattice", "material": "a", "count": 60, "radius": 0.003, "seed": 1,
                       "lo": (-0.02, 0.0, -0.02), "hi": (0.02, 0.02, 0.02), "velocity_rms": 0.1},
         "walls": [
-            {"kind": "cylinder", "name": "drum", "material": "a", "radius": 0.03,
-             "point": (0, 0, 0), "axis": (0, 2, 0)},
+            {"kind": "ball", "name": "bowl", "material": "a", "radius": 0.03, "point": (0, 0.01, 0)},
             {"kind": "plane", "name": "front", "material": "a", "point": (0, 0, 0), "normal": (0, 1, 0)},
             {"kind": "plane", "name": "back", "material": "a", "point": (0, 0.02, 0), "normal": (0, -1, 0)},
         ],
@@ -256,43 +245,41 @@ def drum(**changes: Any) -> Scene:
 
 def test_a_wall_kind_from_outside(tmp_path):
     """It holds the balls, through restart files and frames; catches a kind that only the kernel knows."""
-    run = gpudem.simulate(drum(), tmp_path / "run")
+    run = gpudem.simulate(bowl(), tmp_path / "run")
     x = run.frames[-1]["position"]
-    assert np.hypot(x[:, 0], x[:, 2]).max() < 0.03 - 0.003 + 1e-4
+    assert np.linalg.norm(x - [0, 0.01, 0], axis=1).max() < 0.03 - 0.003 + 1e-4
     assert x[:, 2].mean() < -0.01
     assert run.history.kinetic_energy.iloc[-1] < 1e-3 * run.history.kinetic_energy.max()
     assert gpudem.Run.load(tmp_path / "run").scene == run.scene
     assert (tmp_path / "run" / "frames" / "walls_0.vtu").is_file()
 
 
-def test_the_rest_position_in_a_cylinder_is_that_on_a_plane():
-    """At the lowest line a cylinder is a plane: one ball rests at the same height, with the same force."""
+def test_the_rest_position_in_a_ball_is_that_on_a_plane():
+    """At its lowest point it is a plane: one ball rests at the same height, with the same force."""
     one = {"source": "explicit", "material": "a", "radius": 0.003, "position": [[0, 0.01, -0.0268]]}
     floor = {"kind": "plane", "name": "floor", "material": "a", "point": (0, 0, -0.03), "normal": (0, 0, 1)}
     output = {"trace_every": 0.3}
-    curved = gpudem.simulate(drum(particles=one, output=output)).trace
-    flat = gpudem.simulate(drum(particles=one, walls=[floor], output=output)).trace
+    curved = gpudem.simulate(bowl(particles=one, output=output)).trace
+    flat = gpudem.simulate(bowl(particles=one, walls=[floor], output=output)).trace
     assert np.abs(curved["position"][-1] - flat["position"][-1]).max() < 1e-12
 
 
-def test_a_ball_outside_the_cylinder_is_refused():
+def test_a_particle_outside_it_is_refused():
     one = {"source": "explicit", "material": "a", "radius": 0.003, "position": [[0.029, 0.01, 0]]}
     with pytest.raises(SceneError, match=r"particle 1 reaches 0.002 m into"):
-        drum(particles=one)
+        bowl(particles=one)
 
 
 def test_a_wall_kind_is_refused_where_it_cannot_be_stated():
-    with pytest.raises(
-        LiggghtsCannotState, match=r"walls\.drum\.kind = 'cylinder': LIGGGHTS gets planes only"
-    ):
-        deck.render(drum())
-    with pytest.raises(SceneError, match="cylinder"):
-        gpudem.event_driven.run(drum(pairs=[{"materials": ("a", "a"), "restitution": 0.3}]))
+    with pytest.raises(LiggghtsCannotState, match=r"walls\.bowl\.kind = 'ball': LIGGGHTS gets planes only"):
+        deck.render(bowl())
+    with pytest.raises(SceneError, match="ball"):
+        gpudem.event_driven.run(bowl(pairs=[{"materials": ("a", "a"), "restitution": 0.3}]))
 
 
 def test_an_unknown_kind_names_those_known():
     with pytest.raises(SceneError) as error:
-        drum(walls=[{"kind": "cilinder", "name": "drum", "material": "a"}])
-    assert "walls[0].kind = 'cilinder': unknown; did you mean 'cylinder'?" in str(error.value)
+        bowl(walls=[{"kind": "bal", "name": "bowl", "material": "a"}])
+    assert "walls[0].kind = 'bal': unknown; did you mean 'ball'?" in str(error.value)
     with pytest.raises(GpudemError, match="another kind named 'plane'"):
-        walls.register(WallKind("plane", cylinder, Cylinder))
+        walls.register(WallKind("plane", ball, Ball))

@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from comparisons.harness.numbers import number
-from gpudem.scene import Plane, Scene
+from gpudem.scene import Mesh, Plane, Scene
 from gpudem.scene.time_step import contact_time, rayleigh_time
+from gpudem.scene.walls import Wall
 
 Row = tuple[str, str, str]
 
@@ -54,9 +55,9 @@ def essentials(scene: Scene) -> dict[tuple[str, str], float | str]:
     table["physics of the scene", ""] = ", ".join(physics) or "normal contact only"
     if any(scene.gravity):
         table["gravity", "m/s²"] = "({:g}, {:g}, {:g})".format(*scene.gravity)
-    if scene.planes:
-        names = [p.name + _fate(p) for p in scene.planes]
-        table["walls", ""] = ", ".join(f"{n}: {p.material}" for n, p in zip(names, scene.planes, strict=True))
+    if scene.walls:
+        stated = [f"{w.name}{_fate(w)}: {w.material}" for w in scene.wall_elements]
+        table["walls", ""] = ", ".join(stated)
     size = np.array(scene.domain.hi) - np.array(scene.domain.lo)
     table["domain", "m"] = " \u00d7 ".join(f"{s:.4g}" for s in size)
     if scene.needs.periodic:
@@ -121,7 +122,14 @@ def _text(value: float | str) -> str:
     return value if isinstance(value, str) else number(value)
 
 
-def _fate(plane: Plane) -> str:
-    gone = f" (removed at {plane.removed_at:g} s)" if plane.removed_at else ""
-    moves = plane.vibration
-    return gone + (f" (vibrates at {moves.speed:g} m/s, amplitude {moves.amplitude:g} m)" if moves else "")
+def _fate(wall: Wall) -> str:
+    """Kind, presence and motion of a wall, in brackets; nothing for a plane at rest."""
+    facts = [] if isinstance(wall, Plane) else [wall.kind]
+    facts += [f"{len(wall.corners)} triangles"] if isinstance(wall, Mesh) else []
+    facts += [f"there from {wall.begin:g} s"] if wall.begin > 0 else []
+    facts += [f"removed at {wall.end:g} s"] if wall.end is not None else []
+    moves = wall.vibration if isinstance(wall, Plane) else None
+    facts += [f"vibrates at {moves.speed:g} m/s, amplitude {moves.amplitude:g} m"] if moves else []
+    facts += [", ".join(motion.type for motion in wall.motion)] if wall.motion else []
+    facts += ["belt"] if wall.surface_velocity is not None else []
+    return f" ({', '.join(facts)})" if facts else ""

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gpudem.output.frames import walls_mesh
 from gpudem.output.vtu import Frame
-from gpudem.scene import Scene
+from gpudem.scene import Plane, Scene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -85,7 +86,7 @@ def picture(
         frame: The particles.
         color: "speed" [m/s], "id", or any scalar column of the frame.
         limits: Range of the colours; default: the frame's own.
-        time: Physical time [s]: gates removed by then are not drawn.
+        time: Physical time [s]: walls are where they are then, gates removed by then are not drawn.
         view: One of VIEWS.
         box: Corners of what is seen [m]; default: the domain.
         width: Of the image [pixels].
@@ -112,12 +113,7 @@ def picture(
         )
         actor.mapper.scale_factor = float(np.mean(radius))
     plotter.add_mesh(pyvista.Box(edges), style="wireframe", color="#9aa4ae", line_width=1.5, lighting=False)
-    for plane in scene.planes:
-        if plane.removed_at is not None and time < plane.removed_at:
-            gate = _gate(plane, lo, hi)
-            plotter.add_mesh(gate, color="#d55e00", opacity=0.35, lighting=False)
-            if view == "side":  # which sees a gate by its edge
-                plotter.add_mesh(gate, style="wireframe", color="#d55e00", line_width=3, lighting=False)
+    _add_walls(plotter, scene, lo, hi, view, time)
     camera, extent = plotter.camera, _extent(lo, hi, forward)
     camera.parallel_projection = True
     camera.focal_point, camera.up = (lo + hi) / 2, (0.0, 0.0, 1.0)
@@ -246,6 +242,24 @@ def pixels(lo: np.ndarray, hi: np.ndarray, view: str = "oblique", width: int = W
     """Height of the image of a box."""
     across, upwards = _extent(lo, hi, VIEWS[view])
     return int(width * min(1.0, max(0.2, upwards / across)))
+
+
+def _add_walls(plotter: Any, scene: Scene, lo: np.ndarray, hi: np.ndarray, view: str, time: float) -> None:
+    """Gates that are there, and walls that are no planes, where they are at a time [s]."""
+    import pyvista
+
+    here = [wall for wall in scene.wall_elements if scene.is_present(wall, scene.steps(time))]
+    others = [wall for wall in here if not isinstance(wall, Plane)]
+    if others:
+        points, quads = walls_mesh(scene, others, scene.steps(time))
+        faces = np.column_stack([np.full(len(quads), 4), quads])
+        plotter.add_mesh(pyvista.PolyData(points, faces), color="#7fa6c9", opacity=0.3)
+    for plane in here:
+        if isinstance(plane, Plane) and plane.end is not None:
+            gate = _gate(plane, lo, hi)
+            plotter.add_mesh(gate, color="#d55e00", opacity=0.35, lighting=False)
+            if view == "side":  # which sees a gate by its edge
+                plotter.add_mesh(gate, style="wireframe", color="#d55e00", line_width=3, lighting=False)
 
 
 def _gate(plane: Any, lo: np.ndarray, hi: np.ndarray) -> Any:

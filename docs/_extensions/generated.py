@@ -1,7 +1,7 @@
 """Pages made from the code when the documentation is built, so that they cannot go stale.
 
 In generated/: scene.md from the pydantic models, laws.md and observables.md from the registries,
-verification/*.md from the cases and their recorded results.
+verification/*.md from the cases and their recorded results, walls/*.svg from the examples of the guide.
 """
 
 from __future__ import annotations
@@ -24,10 +24,15 @@ def setup(app: Sphinx) -> dict[str, Any]:
 
 def write(folder: Path) -> None:
     """All generated pages; a page whose text has not changed is left alone."""
+    import wall_pictures  # beside this file
+
     pages = {"scene": scene_page(), "laws": laws_page(), "observables": observables_page()}
     pages |= {f"verification/{name}": text for name, text in verification_pages().items()}
-    for name, text in pages.items():
-        path = folder / f"{name}.md"
+    files = {f"{name}.md": text for name, text in pages.items()}
+    drawn = wall_pictures.pictures(folder.parent / "guide" / "walls.md")
+    files |= {f"walls/{kind}.svg": text for kind, text in drawn.items()}
+    for name, text in files.items():
+        path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.is_file() or path.read_text() != text:
             path.write_text(text)
@@ -53,7 +58,7 @@ def code(text: str) -> str:
 
 def scene_page() -> str:
     """Every key of a scene file: type, unit, range, default, meaning."""
-    from gpudem.scene import mesh, motion, sections, walls
+    from gpudem.scene import mesh, motion, sections, wall_kinds, walls
     from gpudem.scene.model import Scene
 
     parts = {
@@ -65,10 +70,8 @@ def scene_page() -> str:
         '[particles] with source = "file"': sections.FromFile,
         '[particles] with source = "lattice"': sections.Lattice,
         "Mixture of radii": sections.RadiusShare,
-        '[[walls]] with kind = "plane"': walls.Plane,
+        **{f'[[walls]] with kind = "{kind}"': section for kind, section in wall_kinds.BUILT_IN.items()},
         "Vibration of a plane": walls.Vibration,
-        '[[walls]] with kind = "box"': walls.Box,
-        '[[walls]] with kind = "mesh"': mesh.Mesh,
         "The turn of a mesh into its place": mesh.Placement,
         "A wall's own contact law": walls.WallContact,
         '[[walls.motion]] with type = "linear"': motion.Linear,
@@ -104,7 +107,7 @@ def _field(name: str, info: Any) -> list[str]:
 
 def _unit_and_range(info: Any) -> tuple[str, str]:
     """Of the validator in a field's metadata, also within `X | None` and `Annotated`."""
-    from gpudem.scene.types import array, each, number, vector
+    from gpudem.scene.types import array, each, indices, number, span, vector
 
     for item in [*info.metadata, *_metadata(info.annotation)]:
         if isinstance(item, each):
@@ -113,6 +116,10 @@ def _unit_and_range(info: Any) -> tuple[str, str]:
             return item.unit, item.span
         if isinstance(item, vector):
             return item.unit, "not all zero" if item.nonzero else "finite"
+        if isinstance(item, indices):
+            return "1", f"from 0, shape (n, {item.columns})"
+        if isinstance(item, span):
+            return item.unit, "0 <= from < until"
         if isinstance(item, array):
             return item.unit, f"shape (n, {item.columns})" if item.columns else "shape (n,)"
     choices = [c for c in _choices(info.annotation) if isinstance(c, str)]

@@ -2,17 +2,19 @@
 
     scene.json     the resolved scene
     particles.npz  its initial state, where the scene takes its particles from a file
+    mesh_NAME.npz  vertices and triangles of the wall NAME, where the scene takes them from a file
     run.json       code, version, timing, warnings, and the hash of the scene; written last
-    run.pvd        frames and walls with physical time, frames/p_<step>.vtu, frames/walls_<k>.vtu
+    run.pvd        frames and walls with physical time, frames/p_<step>.vtu, frames/walls_<k>.vtu; where
+                   walls move, frames/walls_<step>.vtu
     history.csv    trace.npz  restart.npz
 
-A run needs nothing outside its folder: it can be moved, and the particle file that it came from may change.
+A run needs nothing outside its folder: it can be moved, and the files of particles and meshes that it came
+from may change.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import json
 import os
 import shutil
 from pathlib import Path
@@ -20,8 +22,8 @@ from pathlib import Path
 from gpudem.errors import GpudemError
 from gpudem.output.atomic import WriteError, remove_temporary, write_npz, write_text
 from gpudem.output.vtu import PVD
-from gpudem.scene import FromFile, Scene
-from gpudem.scene.files import parse_json
+from gpudem.scene import FromFile, Mesh, Scene, SceneError
+from gpudem.scene.files import count_paths_from, json_text, parse_json
 
 SCENE, PARTICLES, RUN = "scene.json", "particles.npz", "run.json"
 HISTORY, TRACE, RESTART, FRAMES = "history.csv", "trace.npz", "restart.npz", "frames"
@@ -50,7 +52,7 @@ def begin(directory: Path, scene: Scene) -> None:
     except OSError as error:
         raise WriteError(directory, error) from error
     remove_temporary(directory)
-    for name in _FILES:
+    for name in (*_FILES[:-2], *_mesh_files(directory), *_FILES[-2:]):
         _remove(directory / name)
     frames = directory / FRAMES
     if frames.is_dir():
@@ -70,10 +72,11 @@ def begin_again(directory: Path, step: int) -> None:
     for name in (RUN, HISTORY, TRACE):
         _remove(directory / name)
     remove_temporary(directory)
-    if (directory / FRAMES).is_dir():
-        remove_temporary(directory / FRAMES)
-        for path in (directory / FRAMES).glob("p_*.vtu"):
-            number = path.stem.removeprefix("p_")
+    frames = directory / FRAMES
+    if frames.is_dir():
+        remove_temporary(frames)
+        for path in [*frames.glob("p_*.vtu"), *frames.glob(f"walls_{'?' * 9}.vtu")]:
+            number = path.stem.rpartition("_")[2]
             if number.isdigit() and int(number) > step:
                 _remove(path)
 
@@ -85,16 +88,32 @@ def _remove(path: Path) -> None:
         raise WriteError(path, error) from error
 
 
+def _mesh_files(directory: Path) -> list[str]:
+    """The files of meshes that the scene.json of a folder names, of those that `save_scene` writes."""
+    try:
+        walls = parse_json((directory / SCENE).read_text(encoding="utf-8"), SCENE)["walls"]
+        return [wall["file"] for wall in walls if wall.get("file") == _mesh_file(wall["name"])]
+    except (OSError, UnicodeDecodeError, SceneError, LookupError, TypeError, AttributeError):
+        return []  # no scene that we wrote
+
+
+def _mesh_file(wall: str) -> str:
+    return f"mesh_{wall}.npz"
+
+
 def save_scene(directory: Path, scene: Scene) -> None:
-    """Write scene.json, and particles.npz where the particles come from a file. Raises WriteError."""
-    text = scene.to_json()
+    """Write scene.json, and what it takes from files: particles.npz, mesh_NAME.npz. Raises WriteError."""
+    data = scene.model_dump()
     if isinstance(scene.particles, FromFile):
         columns = {field.name: getattr(scene.state, field.name) for field in dataclasses.fields(scene.state)}
         write_npz(directory / PARTICLES, columns)
-        data = json.loads(text)
         data["particles"]["path"] = PARTICLES
-        text = json.dumps(data, indent=1)
-    write_text(directory / SCENE, text)
+    for wall, stated in zip(scene.walls, data["walls"], strict=True):
+        if isinstance(wall, Mesh) and wall.file is not None:
+            vertices, triangles = wall.stated
+            stated["file"] = _mesh_file(wall.name)
+            write_npz(directory / stated["file"], {"vertices": vertices, "triangles": triangles})
+    write_text(directory / SCENE, json_text(data))
 
 
 def load_scene(directory: Path) -> Scene:
@@ -113,9 +132,7 @@ def load_scene(directory: Path) -> Scene:
         raise GpudemError(f"{path}: {error.strerror}: not the folder of a run") from None
     except OSError as error:
         raise GpudemError(f"{path}: cannot be read: {error.strerror}") from None
-    particles = data.get("particles")
-    if isinstance(particles, dict) and isinstance(particles.get("path"), str):
-        particles["path"] = str(directory / particles["path"])
+    count_paths_from(data, directory)
     return Scene(_source=str(path), **data)
 
 

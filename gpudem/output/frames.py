@@ -15,11 +15,18 @@ from gpudem.scene import Scene
 from gpudem.scene.walls import Wall
 
 
-def _walls_mesh(walls: list[Wall], lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The outlines of all walls as one mesh of quads: points [m], shape (p, 3), and corners, shape (q, 4)."""
+def walls_mesh(scene: Scene, walls: list[Wall], step: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """The outlines of walls in a step as one mesh of quads: points [m], shape (p, 3), and corners, (q, 4).
+
+    A wall with motions is where they have moved it, the saw-tooth of a plane at its lowest place.
+    """
+    lo, hi = np.array(scene.domain.lo), np.array(scene.domain.hi)
     points, quads, count = [], [], 0
     for wall in walls:
         corners, faces = wall.outline(lo, hi)
+        if wall.name in scene.wall_paths:
+            pose = scene.wall_paths[wall.name].at(step, 1)
+            corners = corners @ pose.rotation[0].T + pose.shift[0]  # mutate: moved_outline
         points.append(corners)
         quads.append(faces + count)
         count += len(corners)
@@ -40,7 +47,9 @@ class FrameWriter:
         except OSError as error:
             raise WriteError(directory / FRAMES, error) from error
         self._entries: list[tuple[float, int, str]] = []
-        self._walls = [(a, self._write_walls(k, walls)) for k, (a, _, walls) in enumerate(scene.segments)]
+        self._segments = scene.segments
+        there = (directory / FRAMES).glob("walls_*.vtu") if resumed_at is not None else ()
+        self._written = {f"{FRAMES}/{path.name}" for path in there}
         if resumed_at is not None:
             for step in range(0, resumed_at + 1, scene.frame_stride):
                 self._enter(step)
@@ -55,21 +64,25 @@ class FrameWriter:
     def _enter(self, step: int) -> None:
         time = step * self.scene.time.step
         self._entries.append((time, 0, _name(step)))
-        walls = [name for start, name in self._walls if start < step or start == 0][-1]
+        walls = self._file_of_walls(step)
         if walls:
             self._entries.append((time, 1, walls))
 
-    def _write_walls(self, k: int, walls: list[Wall]) -> str | None:
-        if not walls:
-            return None
-        import meshio
+    def _file_of_walls(self, step: int) -> str | None:
+        """The file of the walls up to `step`: one for each segment, one for each frame where they move."""
+        k = [k for k, (start, _, _) in enumerate(self._segments) if start < step or start == 0][-1]
+        walls = self._segments[k][2]
+        moving = any(wall.motion for wall in walls)
+        name = f"{FRAMES}/walls_{step:09d}.vtu" if moving else f"{FRAMES}/walls_{k}.vtu"
+        if walls and name not in self._written:
+            import meshio
 
-        points, quads = _walls_mesh(walls, np.array(self.scene.domain.lo), np.array(self.scene.domain.hi))
-        name = f"{FRAMES}/walls_{k}.vtu"
-        with replacing(self.directory / name) as partial:
-            mesh = meshio.Mesh(points, [("quad", quads)])
-            mesh.write(partial, file_format="vtu", binary=True, compression=None)
-        return name
+            points, quads = walls_mesh(self.scene, walls, step)
+            with replacing(self.directory / name) as partial:
+                mesh = meshio.Mesh(points, [("quad", quads)])
+                mesh.write(partial, file_format="vtu", binary=True, compression=None)
+            self._written.add(name)
+        return name if walls else None
 
 
 def _name(step: int) -> str:

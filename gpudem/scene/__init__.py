@@ -3,6 +3,7 @@
 from gpudem.errors import SceneError
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.model import Scene
+from gpudem.scene.round_walls import Cone, Cylinder
 from gpudem.scene.sections import (
     Contact,
     Domain,
@@ -21,7 +22,9 @@ from gpudem.scene.walls import Box, Plane, Side, Vibration, WallContact
 
 __all__ = [
     "Box",
+    "Cone",
     "Contact",
+    "Cylinder",
     "Domain",
     "Explicit",
     "FromFile",

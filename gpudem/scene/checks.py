@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gpudem.errors import GpudemError
-from gpudem.scene import law_parameters
+from gpudem.scene import law_parameters, wall_checks
 from gpudem.scene.overlaps import MAX_START_OVERLAP, find_overlaps, lattice_within
 from gpudem.scene.scene_warnings import rounded_times, unexpected, without_effect
 from gpudem.scene.sections import MAX_PARTICLES
@@ -23,7 +23,6 @@ from gpudem.scene.time_step import (
     position_spacing,
     rayleigh_time,
 )
-from gpudem.scene.walls import Box
 
 if TYPE_CHECKING:
     from gpudem.scene.model import Scene
@@ -60,7 +59,8 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
     pairs = run_check(_pair_materials, "materials", "pairs")
     pairs = run_check(law_parameters.problems, "pairs", "contact") and pairs
     domain = run_check(_domain, "domain")
-    walls = walls and domain and run_check(_walls, "walls", "domain")
+    walls = walls and run_check(wall_checks.meshes, "walls")
+    walls = walls and domain and run_check(wall_checks.statements, "walls", "domain")
     units = run_check(_material_units, "materials", "allow")
     units = run_check(_gravity_units, "gravity", "allow") and units
     run_check(_pair_units, "pairs", "allow")
@@ -75,9 +75,11 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
     if run_check(_radius_units) and units and domain:
         if run_check(_inside) and periodic:
             run_check(_overlaps, "allow")
-        if walls:
-            run_check(_behind_walls, "allow")
-            run_check(_reachable_walls)
+        if walls and run_check(wall_checks.sizes, "allow"):
+            run_check(_behind_walls, "allow", "time")
+            run_check(wall_checks.reachable)
+            reach = scene.contact_range if paired else 0.0
+            run_check(lambda scene: wall_checks.across_periodic_sides(scene, reach))
             if paired and speed:
                 run_check(_time_step, "time", "contact", "gravity", "allow")
             run_check(_vibration, "time", "solver", "allow")
@@ -155,35 +157,6 @@ def _domain(scene: Scene) -> list[str]:
     return [f"domain.hi = {scene.domain.hi}: must be above domain.lo = {scene.domain.lo} in x, y and z [m]"]
 
 
-def _walls(scene: Scene) -> list[str]:
-    found = []
-    for i, wall in enumerate(scene.walls):
-        if isinstance(wall, Box):
-            lo, hi = wall.lo or scene.domain.lo, wall.hi or scene.domain.hi
-            if not all(b > a for a, b in zip(lo, hi, strict=True)):
-                found.append(f"walls[{i}].hi = {hi}: must be above lo = {lo} in x, y and z [m]")
-    names = collections.Counter(wall.name for wall in scene.wall_elements)
-    found += [f"walls: name {name!r} given twice" for name, count in names.items() if count > 1]
-    for plane in scene.planes:
-        if any(p and n for p, n in zip(scene.domain.periodic, plane.normal, strict=True)):
-            axes = [a for a, p, n in zip("xyz", scene.domain.periodic, plane.normal, strict=True) if p and n]
-            found.append(f"walls: {plane.name} bounds {', '.join(axes)}, which is periodic")
-    return found
-
-
-def _reachable_walls(scene: Scene) -> list[str]:
-    """Walls beyond the domain: particles would leave it, which is an error, before they meet the wall."""
-    lo, hi = np.array(scene.domain.lo), np.array(scene.domain.hi)
-    found = []
-    for plane in scene.planes:
-        normal, point = np.array(plane.normal), np.array(plane.point)
-        nearest = np.where(normal > 0, lo, hi)  # the corner of the domain deepest behind the wall
-        gap = float((nearest - point) @ normal)
-        if gap > 1e-9 * float(np.linalg.norm(hi - lo)):
-            found.append(f"walls: {plane.name} lies {gap:.3g} m outside the domain; no particle can reach it")
-    return found
-
-
 def _periodic(scene: Scene, contact_range: float) -> list[str]:
     reach = 2 * float(scene.state.radius.max()) + contact_range + scene.skin
     return [
@@ -212,13 +185,14 @@ def _inside(scene: Scene) -> list[str]:
 def _behind_walls(scene: Scene) -> list[str]:
     state, found = scene.state, []
     allowed = 2 if "overlap" in scene.allow else MAX_START_OVERLAP
-    for wall in scene.wall_elements:
-        overlap = state.radius - wall.gap(state.position)
+    for wall in scene.walls_at_start:
+        overlap = wall.overlap(state.position, state.radius)
         bad = overlap > allowed * state.radius
         if bad.any():
             i = int(np.argmax(overlap))
+            where = "outside" if wall.kind == "plane" else "in"
             found.append(
-                f"particles: {int(bad.sum())} outside wall {wall.name}; particle {i + 1} reaches"
+                f"particles: {int(bad.sum())} {where} wall {wall.name}; particle {i + 1} reaches"
                 f" {overlap[i]:.3g} m into it (allowed: {allowed:g} radii)"
             )
     return found

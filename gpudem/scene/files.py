@@ -29,7 +29,7 @@ class OneOf:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The tables of a scene file, particle paths counted from its folder. Raises SceneError."""
+    """The tables of a scene file, paths counted from its folder. Raises SceneError."""
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -40,10 +40,18 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise SceneError(str(path), [f"cannot be read: {error.strerror}"]) from None
     except (ValueError, RecursionError) as error:  # TOMLDecodeError, an integer of thousands of digits
         raise SceneError(str(path), [f"not TOML: {error}"]) from None
-    particles = data.get("particles")
-    if isinstance(particles, dict) and isinstance(particles.get("path"), str):
-        particles["path"] = str(path.parent / particles["path"])
+    count_paths_from(data, path.parent)
     return data
+
+
+def count_paths_from(data: dict[str, Any], folder: Path) -> None:
+    """Let the relative paths of files that a statement names count from a folder."""
+    walls = data.get("walls")
+    places = [(data.get("particles"), "path")]
+    places += [(wall, "file") for wall in (walls if isinstance(walls, list) else [])]
+    for section, key in places:
+        if isinstance(section, dict) and isinstance(section.get(key), str):
+            section[key] = str(folder / section[key])
 
 
 def parse_json(text: str, source: str) -> dict[str, Any]:
@@ -58,7 +66,7 @@ def parse_json(text: str, source: str) -> dict[str, Any]:
 
 
 def json_text(data: dict[str, Any]) -> str:
-    """A scene as JSON, indented, with arrays one particle a line: a tenth of the time of one number a line.
+    """A scene as JSON, indented, with arrays one row a line: a tenth of the time of one number a line.
 
     Floats are written so that they are read back to the last bit.
     """
@@ -68,6 +76,11 @@ def json_text(data: dict[str, Any]) -> str:
         if key == "particles":
             compact = {k: v for k, v in value.items() if isinstance(v, np.ndarray) or k == "material"}
             value = value | {k: f"@{k}" for k in compact}  # no name and no absolute path begins with @
+        elif key == "walls":
+            items = [(f"{i}.{k}", v) for i, wall in enumerate(value) for k, v in wall.items()]
+            compact = {name: v for name, v in items if isinstance(v, np.ndarray)}
+            marks = [{k: f"@{i}.{k}" for k in w if f"{i}.{k}" in compact} for i, w in enumerate(value)]
+            value = [wall | own for wall, own in zip(value, marks, strict=True)]
         text = json.dumps(value, indent=1, default=np.ndarray.tolist).replace("\n", "\n ")
         parts.append(f",\n {json.dumps(key)}: " if parts else f"{{\n {json.dumps(key)}: ")
         for name, values in compact.items():  # in the order of the text
@@ -142,6 +155,9 @@ def _line(item: Any, model: type[BaseModel]) -> str:
             return f"{key}.{tag} = {context['tag']!r}: unknown{nearest(context['tag'], _tags(loc, model))}"
         case "literal_error":
             return f"{key} = {value}: unknown{nearest(item['input'], _words(context['expected']))}"
+        case "value_error" if isinstance(item["input"], dict | BaseModel):  # of a section as a whole
+            message = item["msg"].removeprefix("Value error, ")
+            return f"{key}.{message}" if loc else message
         case kind:
             message = _KINDS.get(
                 kind, item["msg"].removeprefix("Value error, ").replace("Input should", "must")

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import functools
-import math
 import os
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AfterValidator
+from pydantic import AfterValidator, model_validator
 
+from gpudem.scene.mesh_distance import distance_to_triangles
+from gpudem.scene.mesh_files import Triangles, read_mesh
+from gpudem.scene.mesh_repair import Surface, repaired
 from gpudem.scene.motion import rotations
-from gpudem.scene.types import Model, Vector, array, number, positive, vector
+from gpudem.scene.types import Model, Vector, array, indices, number, positive, vector
 from gpudem.scene.walls import Wall
 
 
@@ -28,16 +30,17 @@ class Placement(Model):
 
 
 class Mesh(Wall):
-    """Triangles; contact from both sides. First scaled, then turned, then moved."""
+    """Triangles, from a file or as stated, touched from both sides; first scaled, then turned, then moved."""
 
     kind: Literal["mesh"] = "mesh"  # type: ignore[assignment]
     """Kind of wall."""
     file: Annotated[str, AfterValidator(os.path.abspath)] | None = None
-    """STL (ASCII or binary), OBJ, PLY or VTK; a relative path counts from the scene file."""
+    """STL (ASCII or binary), OBJ, PLY, VTK or NPZ (`gpudem.scene.mesh_files`); a relative path counts from
+    the scene file."""
     vertices: Annotated[np.ndarray, array(3, "m")] | None = None
-    """In the place of a file: corners [m], shape (p, 3)."""
-    triangles: Annotated[np.ndarray, array(3, "1")] | None = None
-    """Rows of `vertices` of each triangle, from 0, shape (k, 3)."""
+    """In the place of a file: vertices [m], shape (p, 3)."""
+    triangles: Annotated[np.ndarray, indices(3)] | None = None
+    """The three rows of `vertices` of each triangle, from 0, shape (k, 3)."""
     scale: Annotated[float, positive("1")] = 1.0
     """Factor on every coordinate: 0.001 for a file in millimetres."""
     rotate: Placement | None = None
@@ -45,24 +48,42 @@ class Mesh(Wall):
     move: Annotated[Vector, vector("m")] = (0.0, 0.0, 0.0)
     """Displacement, last [m]."""
 
+    @model_validator(mode="after")
+    def _one_source(self) -> Mesh:
+        given = [key for key in ("vertices", "triangles") if getattr(self, key) is not None]
+        if self.file is not None and given:
+            raise ValueError(f"file = {self.file!r}: beside {' and '.join(given)}; state one of the two")
+        if self.file is None and not given:
+            raise ValueError("file: missing; state file, or vertices and triangles")
+        if len(given) == 1:
+            missing = "triangles" if given == ["vertices"] else "vertices"
+            raise ValueError(f"{missing}: missing beside {given[0]}")
+        return self
+
+    @functools.cached_property
+    def stated(self) -> Triangles:
+        """(vertices, rows) as the file or the scene states them. Raises ValueError: an unusable file."""
+        if self.vertices is not None and self.triangles is not None:
+            return self.vertices, self.triangles
+        assert self.file is not None
+        return read_mesh(Path(self.file))
+
+    @functools.cached_property
+    def surface(self) -> Surface:
+        """The triangles after repair, and what was repaired. Raises ValueError: nothing usable."""
+        return repaired(*self.stated)
+
     @functools.cached_property
     def corners(self) -> np.ndarray:
-        """Corners of every triangle in place [m], shape (k, 3, 3)."""
-        points, triangles = self._stated
-        points = points * self.scale
+        """Corners of every triangle in place [m], shape (k, 3, 3). Raises ValueError: an unusable mesh."""
+        points = self.surface.points * self.scale
         if self.rotate is not None:
             axis, point = np.array(self.rotate.axis), np.array(self.rotate.point)
             turn = rotations(axis / np.linalg.norm(axis), np.radians([self.rotate.angle]))[0]
             points = (points - point) @ turn.T + point
-        return (points + np.array(self.move))[triangles]
-
-    @property
-    def _stated(self) -> tuple[np.ndarray, np.ndarray]:
-        if self.file is not None:
-            return read_mesh(Path(self.file))
-        if self.vertices is None or self.triangles is None:
-            raise ValueError(f"walls: {self.name}: state `file`, or `vertices` and `triangles`")
-        return self.vertices, self.triangles.astype(np.int64)
+        corners = (points + np.array(self.move))[self.surface.rows]
+        corners.setflags(write=False)
+        return corners
 
     def shape(self) -> tuple[Vector, Vector, Vector]:
         """Nothing: a mesh has tables of its own."""
@@ -71,51 +92,22 @@ class Mesh(Wall):
 
     def gap(self, points: np.ndarray) -> np.ndarray:
         """Distance [m] from the nearest triangle."""
-        return nearest_distance(points, self.corners)
+        return distance_to_triangles(points, self.corners)
+
+    def overlap(self, points: np.ndarray, radius: np.ndarray) -> np.ndarray:
+        """Overlap [m] at the nearest point of the mesh; -inf for particles far from it."""
+        found = np.full(len(points), -np.inf)
+        low, high = self.bounds()
+        reach = float(radius.max(initial=0.0))
+        near = ((points > low - reach) & (points < high + reach)).all(axis=1)
+        found[near] = radius[near] - distance_to_triangles(points[near], self.corners, reach)
+        return found
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper corner [m]."""
+        return self.corners.min(axis=(0, 1)), self.corners.max(axis=(0, 1))
 
     def outline(self, lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The triangles, as quads whose last two corners agree."""
         rows = np.arange(3 * len(self.corners)).reshape(-1, 3)
         return self.corners.reshape(-1, 3), rows[:, [0, 1, 2, 2]]
-
-
-def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """(points [file's unit], rows of three) of a file of triangles. Raises ValueError naming it."""
-    import meshio
-
-    mesh = meshio.read(path)
-    found = [block.data for block in mesh.cells if block.type == "triangle"]
-    if not found:
-        raise ValueError(f"{path}: holds no triangles")
-    return np.asarray(mesh.points, float), np.concatenate(found).astype(np.int64)
-
-
-def nearest_distance(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Distance [m] of points, shape (n, 3), from the nearest of k triangles, shape (k, 3, 3)."""
-    found = np.full(len(points), np.inf)
-    for triangle in corners:
-        found = np.minimum(found, np.linalg.norm(points - nearest_points(points, triangle), axis=1))
-    return found
-
-
-def nearest_points(points: np.ndarray, triangle: np.ndarray) -> np.ndarray:
-    """The point of one triangle, shape (3, 3), nearest to each of n points: shape (n, 3) [m]."""
-    a, b, c = triangle
-    normal = np.cross(b - a, c - a)
-    best = np.empty((len(points), 3))
-    squared = np.full(len(points), np.inf)
-    for p, q in ((a, b), (b, c), (c, a)):
-        edge = q - p
-        share = np.clip((points - p) @ edge / max(edge @ edge, 1e-300), 0, 1)
-        foot = p + share[:, None] * edge
-        here = ((points - foot) ** 2).sum(axis=1)
-        best[here < squared] = foot[here < squared]
-        squared = np.minimum(squared, here)
-    inside = np.ones(len(points), bool)
-    for p, q in ((a, b), (b, c), (c, a)):
-        inside &= np.cross(q - p, points - p) @ normal >= 0
-    area = math.sqrt(normal @ normal)
-    if area > 0:
-        unit = normal / area
-        best[inside] = (points - ((points - a) @ unit)[:, None] * unit)[inside]
-    return best

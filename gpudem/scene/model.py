@@ -27,6 +27,7 @@ from gpudem.scene.mesh import Mesh
 from gpudem.scene.packing import InitialState, lattice
 from gpudem.scene.particle_files import ParticleFile, read_particles
 from gpudem.scene.sections import (
+    OF_MESHES,
     Contact,
     Domain,
     Explicit,
@@ -42,17 +43,22 @@ from gpudem.scene.sections import (
 from gpudem.scene.size_classes import default_skin
 from gpudem.scene.types import Model, Name, Vector, vector
 from gpudem.scene.wall_kinds import WallSection
-from gpudem.scene.walls import Plane, Wall
+from gpudem.scene.walls import Box, Plane, Wall
+from gpudem.walls.motion import WallPath
 
-#: Keys of `[contact]` that have no effect without meshes.
-OF_MESHES = ("mesh_contacts", "merge_angle", "mesh_curvature")
 #: Keys of a wall that a hash leaves out where they have no value: older scenes keep their hash.
 LATER_KEYS = ("present", "contact", "surface_velocity", "motion")
 
 
-def _stated(wall: dict[str, Any], digest: Any) -> dict[str, Any]:
-    """A wall for the hash: without later keys that have no value; arrays go into the digest."""
-    found = {k: v for k, v in wall.items() if k not in LATER_KEYS or v not in (None, ())}
+def _stated(wall: Wall, digest: Any) -> dict[str, Any]:
+    """A wall for the hash: without later keys that have no value; arrays go into the digest.
+
+    Of a mesh the triangles in place, however they are stated.
+    """
+    later = (*LATER_KEYS, "removed_at") if isinstance(wall, Box) else LATER_KEYS
+    found = {k: v for k, v in wall.model_dump().items() if k not in later or v not in (None, ())}
+    if isinstance(wall, Mesh):
+        found = {k: v for k, v in found.items() if k in Wall.model_fields} | {"corners": wall.corners}
     return {k: _hashed(v, digest) for k, v in found.items()}
 
 
@@ -168,13 +174,6 @@ class Scene(Model):
             data[key] = value
         return type(self)(**data)
 
-    def model_copy(self, **options: Any) -> Scene:
-        """Pydantic's copy, not validated; without what has been derived from the original."""
-        copied = super().model_copy(**options)
-        for name in set(vars(copied)) - set(type(self).model_fields):
-            vars(copied).pop(name)
-        return copied
-
     def __getstate__(self) -> dict[Any, Any]:
         """For pickling: the statement, and the particles read from a file; no law."""
         state = super().__getstate__()
@@ -183,9 +182,9 @@ class Scene(Model):
 
     @functools.cached_property
     def hash(self) -> str:
-        """SHA-256 of the physics: all but name and title; of a particle file the content, not the path."""
-        data, digest = self.model_dump(exclude={"name", "title"}), hashlib.sha256()
-        data["walls"] = [_stated(wall, digest) for wall in data["walls"]]
+        """SHA-256 of the physics: all but name and title; of files the content, not the path."""
+        data, digest = self.model_dump(exclude={"name", "title", "walls"}), hashlib.sha256()
+        data["walls"] = [_stated(wall, digest) for wall in self.walls]
         if not self.meshes:
             data["contact"] = {k: v for k, v in data["contact"].items() if k not in OF_MESHES}
         arrays = {k: v for k, v in data["particles"].items() if isinstance(v, np.ndarray)}
@@ -258,6 +257,11 @@ class Scene(Model):
         return [e for wall in self.walls for e in wall.elements(self.domain.lo, self.domain.hi)]
 
     @property
+    def walls_at_start(self) -> list[Wall]:
+        """The elementary walls that are there at the start."""
+        return [wall for wall in self.wall_elements if self.is_present(wall, 0)]
+
+    @property
     def planes(self) -> list[Plane]:
         """The elementary walls that are planes."""
         return [wall for wall in self.wall_elements if isinstance(wall, Plane)]
@@ -265,7 +269,7 @@ class Scene(Model):
     @functools.cached_property
     def meshes(self) -> list[Mesh]:
         """The walls of triangles."""
-        return [wall for wall in self.wall_elements if isinstance(wall, Mesh)]
+        return [wall for wall in self.walls if isinstance(wall, Mesh)]
 
     def inputs(self, a: str, b: str) -> PairInputs:
         """Primary inputs of two materials. Raises KeyError where the scene states no such pair."""
@@ -386,6 +390,12 @@ class Scene(Model):
         """Steps after the start at which a wall comes or goes, ascending."""
         times = [t for w in self.wall_elements for t in (w.begin, w.end) if t is not None]
         return sorted({self.steps(t) for t in times} - {0})
+
+    @functools.cached_property
+    def wall_paths(self) -> dict[str, WallPath]:
+        """Where motions take the elementary walls that have them, by name; with LIGGGHTS' rule, its sums."""
+        sums = self.contact.mesh_contacts == "liggghts"
+        return {w.name: WallPath(w.motion, self.time.step, sums) for w in self.wall_elements if w.motion}
 
     def is_present(self, wall: Wall, step: int) -> bool:
         """Whether a wall is there in the steps after this one."""

@@ -63,7 +63,7 @@ def largest_start_overlap(scene: Scene) -> float:
     """The largest overlap at the start, as a share of the smaller radius, of particles or at a wall [1]."""
     state, lo = scene.state, np.array(scene.domain.lo)
     walls = [
-        float(((state.radius - w.gap(state.position)) / state.radius).max()) for w in scene.wall_elements
+        float((w.overlap(state.position, state.radius) / state.radius).max()) for w in scene.walls_at_start
     ]
     share = max([0.0, *walls])
     if len(state) < 2 or lattice_within(scene):
@@ -83,8 +83,8 @@ def start_elastic_energy(scene: Scene) -> float:
         inputs = scene.inputs(names[state.material[a]], partner)
         return 0.5 * m * law.release_speed(inputs, r, m, overlap) ** 2
 
-    for wall in scene.wall_elements:
-        overlap = state.radius - wall.gap(state.position)
+    for wall in scene.walls_at_start:
+        overlap = wall.overlap(state.position, state.radius)
         for i in np.flatnonzero(overlap > TOUCHING * state.radius).tolist():
             energy += released(i, wall.material, state.radius[i], mass[i], overlap[i])
     if len(state) < 2 or lattice_within(scene):

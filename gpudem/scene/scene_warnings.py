@@ -12,18 +12,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gpudem.contact import registry
-from gpudem.scene.sections import FromFile, Lattice
+from gpudem.scene.mesh import Mesh
+from gpudem.scene.mesh_repair import oddities
+from gpudem.scene.round_walls import Cylinder
+from gpudem.scene.sections import OF_MESHES, FromFile, Lattice
 from gpudem.scene.time_step import position_spacing, step_for
+from gpudem.scene.walls import Plane, Wall
 
 if TYPE_CHECKING:
     from gpudem.scene.model import Scene
     from gpudem.scene.sections import Pair
-    from gpudem.scene.walls import Wall
 
 #: Rounding to whole steps that changes a time by more than this share is warned of.
 ROUNDING = 1e-2
 #: So is an extension to whole frames by more than half a step and this share.
 EXTENSION = 1e-3
+#: Keys of `[contact]` that only one rule of mesh contacts reads.
+RULE_OF = {"merge_angle": "unique", "mesh_curvature": "liggghts"}
 #: Bytes of a frame for each particle.
 FRAME_BYTES = 150
 #: Frames above this size [bytes] are warned of.
@@ -35,7 +40,7 @@ MANY_BYTES = 2e9
 
 def without_effect(scene: Scene) -> list[str]:
     """Settings that nothing in this scene reads, or that cannot act in it."""
-    checks = (_materials, _pairs, _contact, _particles, _solver)
+    checks = (_materials, _pairs, _contact, _particles, _walls, _solver)
     return [sentence for check in checks for sentence in check(scene)]
 
 
@@ -148,6 +153,30 @@ def _particles(scene: Scene) -> Iterator[str]:
                 )
 
 
+def _walls(scene: Scene) -> Iterator[str]:
+    contact, smallest = scene.contact, float(scene.state.radius.min())
+    for key in OF_MESHES:
+        stated, rule = getattr(contact, key), RULE_OF.get(key, contact.mesh_contacts)
+        if stated != type(contact).model_fields[key].default and not scene.meshes:
+            yield f"contact.{key} = {stated!r}: no effect, no wall is a mesh"
+        elif stated != type(contact).model_fields[key].default and rule != contact.mesh_contacts:
+            yield f"contact.{key} = {stated!r}: no effect with mesh_contacts = {contact.mesh_contacts!r}"
+    for wall in scene.walls:
+        if wall.surface_velocity is not None and not scene.needs.tangential:
+            yield f"walls: {wall.name}.surface_velocity: no effect, no pair has friction"
+        if isinstance(wall, Plane) and wall.surface_velocity is not None:
+            if not np.cross(wall.surface_velocity, wall.normal).any():
+                yield f"walls: {wall.name}.surface_velocity: no effect, it is along the normal"
+        if isinstance(wall, Cylinder) and wall.radius < smallest:
+            yield (
+                f"walls: {wall.name}.radius = {wall.radius:g} m: below that of the smallest particle,"
+                f" {smallest:g} m; none fits inside"
+            )
+        if isinstance(wall, Mesh):
+            for note in (*wall.surface.notes, *oddities(wall.corners, smallest)):
+                yield f"walls: {wall.name}: {note}"
+
+
 def _solver(scene: Scene) -> Iterator[str]:
     accuracy = scene.time.accuracy
     if accuracy is not None:
@@ -169,7 +198,7 @@ def rounded_times(scene: Scene) -> list[str]:
     return [
         *_duration(scene),
         *_intervals(scene),
-        *(s for wall in scene.wall_elements for s in _gate(scene, wall)),
+        *(s for wall in scene.walls for s in _presence(scene, wall)),
     ]
 
 
@@ -210,16 +239,24 @@ _NEVER = {
 }
 
 
-def _gate(scene: Scene, wall: Wall) -> Iterator[str]:
-    if wall.removed_at is None:
-        return
-    key, step = f"walls: {wall.name}.removed_at = {wall.removed_at:g} s", scene.steps(wall.removed_at)
-    if step == 0:
+def _presence(scene: Scene, wall: Wall) -> Iterator[str]:
+    """Of a wall that comes or goes."""
+    begin, end = scene.steps(wall.begin), None if wall.end is None else scene.steps(wall.end)
+    key = f"walls: {wall.name}.removed_at = {wall.removed_at:g} s" if wall.removed_at is not None else ""
+    key = key or f"walls: {wall.name}.present = {list(wall.present or ())} s"
+    run = f"the run takes {scene.n_steps * scene.time.step:.6g} s"
+    if begin >= scene.n_steps:
+        yield f"{key}: {run}; the wall is never there"
+    elif end == begin:
         yield f"{key}: less than half a time step; the wall is never there"
-    elif step >= scene.n_steps:
-        yield f"{key}: the run takes {scene.n_steps * scene.time.step:.6g} s; the wall is never removed"
-    elif abs(step * scene.time.step - wall.removed_at) > ROUNDING * wall.removed_at:
-        yield f"{key}: rounded to step {step}, {step * scene.time.step:.6g} s"
+    elif end is not None and end >= scene.n_steps:
+        yield f"{key}: {run}; the wall is never removed"
+    else:
+        for time in (wall.begin, wall.end or 0.0):
+            step = scene.steps(time)
+            if abs(step * scene.time.step - time) > ROUNDING * time:
+                which = f"{time:g} s " if wall.present else ""
+                yield f"{key}: {which}rounded to step {step}, {step * scene.time.step:.6g} s"
 
 
 # -- what else deserves a second look ------------------------------------------------------------------------

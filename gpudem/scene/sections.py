@@ -38,6 +38,8 @@ from gpudem.scene.types import (
     vector,
 )
 
+#: Keys of `[contact]` that have no effect without meshes.
+OF_MESHES = ("mesh_contacts", "merge_angle", "mesh_curvature")
 #: Particles of a scene at most: the neighbor search numbers 24 candidates of each with 32-bit integers.
 MAX_PARTICLES = 2**31 // 24
 

@@ -12,7 +12,7 @@ import dataclasses
 import math
 import numbers
 import re
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, StrictBool, ValidationError
@@ -57,8 +57,29 @@ class Model(BaseModel):
         except ValidationError as error:
             raise SceneError(type(self).__name__, problems(error, type(self))) from None
 
+    def __eq__(self, other: object) -> bool:
+        """Of the same class with equal fields, arrays by their elements; what is derived does not count."""
+        if type(other) is not type(self):
+            return NotImplemented
+        return all(_same(getattr(self, name), getattr(other, name)) for name in type(self).model_fields)
+
+    def model_copy(self, **options: Any) -> Self:
+        """Pydantic's copy, not validated; without what has been derived from the original."""
+        copied = super().model_copy(**options)
+        for name in set(vars(copied)) - set(type(self).model_fields):
+            vars(copied).pop(name)
+        return copied
+
     # Tells pydantic to build nested sections without this __init__, so that one error lists all problems.
     setattr(__init__, "__pydantic_base_init__", True)  # noqa: B010
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+        return isinstance(a, np.ndarray) and isinstance(b, np.ndarray) and np.array_equal(a, b)
+    if isinstance(a, list | tuple) and isinstance(b, list | tuple):
+        return len(a) == len(b) and all(map(_same, a, b))
+    return a == b
 
 
 class _Plain:
@@ -213,6 +234,24 @@ class array(_Plain):
             if not np.isfinite(result[row]).all():
                 raise ValueError(f"row {row + 1} is not a finite number [{self.unit}]")
             raise ValueError(f"row {row + 1} is {_TOO_LARGE.format(LARGEST, self.unit)}")
+        result.setflags(write=False)
+        return result
+
+
+@dataclasses.dataclass(frozen=True)
+class indices(_Plain):
+    """A read-only int64 array of row numbers from 0, shape (n, columns); whole numbers only."""
+
+    columns: int
+
+    def check(self, value: Any) -> np.ndarray:  # noqa: D102
+        rule = f"must be whole numbers from 0, shape (n, {self.columns})"
+        raw = array(self.columns, "1").check(value)
+        bad = ((raw < 0) | (raw != np.floor(raw)) | (raw >= 2**53)).any(axis=1)
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise ValueError(f"row {row + 1} is {raw[row].tolist()}; {rule}")
+        result = raw.astype(np.int64)
         result.setflags(write=False)
         return result
 

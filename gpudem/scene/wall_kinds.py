@@ -9,22 +9,25 @@ from pydantic_core import PydanticCustomError
 
 from gpudem.scene.files import OneOf
 from gpudem.scene.mesh import Mesh
+from gpudem.scene.round_walls import Cone, Cylinder
 from gpudem.scene.types import Model
 from gpudem.scene.walls import Box, Plane, Wall
 from gpudem.walls import registry
 
 #: The section class of each kind that comes with gpudem.
-BUILT_IN: dict[str, type[Model]] = {"plane": Plane, "box": Box, "mesh": Mesh}
+BUILT_IN: dict[str, type[Wall]] = {
+    section.model_fields["kind"].default: section for section in (Plane, Box, Cylinder, Cone, Mesh)
+}
 
 
-def wall_sections() -> dict[str, type[Model]]:
+def wall_sections() -> dict[str, type[Wall]]:
     """The section class of every kind of wall, those of other packages last."""
     return BUILT_IN | registry.sections()
 
 
 def _wall_section(value: Any) -> Any:
     """A wall as the section of its kind, which validates it."""
-    if isinstance(value, Wall | Box):
+    if isinstance(value, Wall):
         return value
     if not isinstance(value, dict):
         raise ValueError("must be a table")
@@ -41,6 +44,6 @@ def _wall_section(value: Any) -> Any:
 
 
 if TYPE_CHECKING:
-    WallSection = Wall | Box
+    WallSection = Wall
 else:
     WallSection = Annotated[SerializeAsAny[Model], PlainValidator(_wall_section), OneOf(wall_sections)]

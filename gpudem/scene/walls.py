@@ -100,6 +100,14 @@ class Wall(Model):
         """(points [m], quads) that show the wall in a domain lo..hi: shapes (p, 3), (q, 4)."""
         raise NotImplementedError
 
+    def overlap(self, points: np.ndarray, radius: np.ndarray) -> np.ndarray:
+        """Overlap [m] of particles with the wall, shape (n,); of those apart some value of at most 0."""
+        return radius - self.gap(points)
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Lower and upper corner [m] at the start; None for a wall without end."""
+        return None
+
     @property
     def moves(self) -> bool:
         """Its place changes in time, or its surface has a velocity."""
@@ -222,10 +230,13 @@ def _along(axis: int, value: float) -> Vector:
     return (value if axis == 0 else 0.0, value if axis == 1 else 0.0, value if axis == 2 else 0.0)
 
 
-class Box(Model):
-    """Axis-aligned planes at the chosen sides of lo..hi (default: the domain), facing inwards."""
+class Box(Wall):
+    """Axis-aligned planes at the chosen sides of lo..hi (default: the domain), facing inwards.
 
-    kind: Literal["box"]
+    What it says of presence, contact law, belt and motion holds for each of its planes.
+    """
+
+    kind: Literal["box"] = "box"  # type: ignore[assignment]
     """Kind of wall."""
     name: Name
     """Name of the box; its planes are called NAME_SIDE."""
@@ -241,14 +252,9 @@ class Box(Model):
     def elements(self, lo: Vector, hi: Vector) -> list[Wall]:
         """One plane for each side, named `<box>_<side>`."""
         corners, planes = {"lo": self.lo or lo, "hi": self.hi or hi}, []
+        common = {key: getattr(self, key) for key in Wall.model_fields if key not in ("kind", "name")}
         for side in self.sides:  # mutate: sides_of_box
             axis, sign = "xyz".index(side[0]), 1.0 if side.endswith("lo") else -1.0
-            planes.append(
-                Plane(
-                    name=f"{self.name}_{side}",
-                    material=self.material,
-                    point=_along(axis, corners[side[1:]][axis]),
-                    normal=_along(axis, sign),
-                )
-            )
+            place = {"point": _along(axis, corners[side[1:]][axis]), "normal": _along(axis, sign)}
+            planes.append(Plane(name=f"{self.name}_{side}", **place, **common))
         return planes

@@ -1,7 +1,7 @@
 """The kinds of walls by name: those in the files beside this one, and those of other packages.
 
 Another package adds a kind by an entry point of the group `gpudem.walls` that leads to its `WallKind`, or at
-run time by `register`. Its section is a `gpudem.scene.sections.Wall`: what a scene file says of such a wall,
+run time by `register`. Its section is a `gpudem.scene.walls.Wall`: what a scene file says of such a wall,
 and its geometry on the host.
 """
 
@@ -30,7 +30,7 @@ class WallKind:
     name: str
     surface: Any
     section: Any = None
-    """The scene's section class; None for those that `gpudem.scene.sections` has."""
+    """The scene's section class; None for those that come with gpudem."""
 
 
 _registered: dict[str, WallKind] = {}
@@ -75,7 +75,7 @@ def _built_in(name: str) -> WallKind | None:
     if not name.isidentifier() or name == "registry":
         return None
     try:
-        return importlib.import_module(module).KIND
+        return getattr(importlib.import_module(module), "KIND", None)
     except ModuleNotFoundError as error:
         if error.name != module:
             raise

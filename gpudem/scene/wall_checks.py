@@ -1,0 +1,138 @@
+"""Checks of walls beyond their single fields: meshes that cannot be used, places, periodic sides, units.
+
+Each check reads some sections of a scene and returns its problems, one line each (`gpudem.scene.checks`).
+"""
+
+from __future__ import annotations
+
+import collections
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gpudem.scene.mesh_repair import MAX_TRIANGLES
+from gpudem.scene.round_walls import Cylinder, Round
+from gpudem.scene.walls import Box, Wall
+
+if TYPE_CHECKING:
+    from gpudem.scene.model import Scene
+
+#: A mesh this many times as large as the domain, or as small beside the smallest radius, is in another unit.
+UNLIKELY_SIZE = 100
+
+
+def meshes(scene: Scene) -> list[str]:
+    """Meshes without usable triangles, and more triangles than indices."""
+    found, count = [], 0
+    for mesh in scene.meshes:
+        try:
+            count += len(mesh.corners)
+        except ValueError as error:
+            found.append(f"walls: {mesh.name}.{error}")
+    if count > MAX_TRIANGLES:
+        found.append(f"walls: {count} triangles are too many for 32-bit indices; allowed: <= {MAX_TRIANGLES}")
+    return found
+
+
+def statements(scene: Scene) -> list[str]:
+    """Names given twice, boxes upside down, planes across periodic sides, a saw-tooth beside other motion."""
+    found = []
+    for i, wall in enumerate(scene.walls):
+        if isinstance(wall, Box):
+            lo, hi = wall.lo or scene.domain.lo, wall.hi or scene.domain.hi
+            if not all(b > a for a, b in zip(lo, hi, strict=True)):
+                found.append(f"walls[{i}].hi = {hi}: must be above lo = {lo} in x, y and z [m]")
+    names = [[wall.name for wall in scene.walls], [part.name for part in scene.wall_elements]]
+    twice = [name for some in names for name, count in collections.Counter(some).items() if count > 1]
+    found += [f"walls: name {name!r} given twice" for name in dict.fromkeys(twice)]
+    for plane in scene.planes:
+        if any(p and n for p, n in zip(scene.domain.periodic, plane.normal, strict=True)):
+            axes = [a for a, p, n in zip("xyz", scene.domain.periodic, plane.normal, strict=True) if p and n]
+            found.append(f"walls: {plane.name} bounds {', '.join(axes)}, which is periodic")
+        if plane.vibration is not None and (plane.motion or plane.surface_velocity):
+            key = "motion" if plane.motion else "surface_velocity"
+            found.append(f"walls: {plane.name}.vibration: beside {key}; state one of the two")
+    return found
+
+
+def sizes(scene: Scene) -> list[str]:
+    """Meshes in another unit of length: far larger than the domain, or far smaller than a particle."""
+    if "unusual_units" in scene.allow:
+        return []
+    found, waive = [], "waive with allow = ['unusual_units']"
+    domain = float(np.linalg.norm(np.subtract(scene.domain.hi, scene.domain.lo)))
+    smallest = float(scene.stated_particles.radius.min())
+    for mesh in scene.meshes:
+        size = float(np.linalg.norm(np.subtract(*mesh.bounds())))
+        if size > UNLIKELY_SIZE * domain:
+            hint = f"a file in millimetres needs scale = {0.001 * mesh.scale:g}"
+            found.append(
+                f"walls: {mesh.name} is {size:.3g} m across, the domain {domain:.3g} m; {hint}; {waive}"
+            )
+        elif size < smallest / UNLIKELY_SIZE:
+            hint = f"scaled twice? scale = {mesh.scale:g}"
+            found.append(
+                f"walls: {mesh.name} is {size:.3g} m across, the smallest radius {smallest:.3g} m; {hint};"
+                f" {waive}"
+            )
+    return found
+
+
+def reachable(scene: Scene) -> list[str]:
+    """Walls beyond the domain: particles would leave it, which is an error, before they meet the wall.
+
+    A wall that moves may come into the domain; where it stands at the start says nothing.
+    """
+    lo, hi = np.array(scene.domain.lo), np.array(scene.domain.hi)
+    found, rounding = [], 1e-9 * float(np.linalg.norm(hi - lo))
+    for plane in scene.planes:
+        normal, point = np.array(plane.normal), np.array(plane.point)
+        nearest = np.where(normal > 0, lo, hi)  # the corner of the domain deepest behind the wall
+        _outside(found, plane, float((nearest - point) @ normal), rounding)
+    for wall in scene.wall_elements:
+        bounds = wall.bounds()
+        if bounds is not None:
+            apart = np.maximum(bounds[0] - hi, lo - bounds[1])
+            _outside(found, wall, float(np.linalg.norm(np.maximum(apart, 0.0))), rounding)
+        elif isinstance(wall, Cylinder):
+            corners = np.stack(np.meshgrid(*zip(lo, hi, strict=True)), axis=-1).reshape(-1, 3) - wall.point
+            away = np.linalg.norm(np.cross(corners, wall.unit_axis), axis=1)
+            _outside(found, wall, wall.radius - float(away.max()), rounding)
+    return found
+
+
+def _outside(found: list[str], wall: Wall, gap: float, rounding: float) -> None:
+    if gap > rounding and not wall.motion:
+        hint = " (a file in millimetres needs scale = 0.001)" if wall.kind == "mesh" else ""
+        found.append(
+            f"walls: {wall.name} lies {gap:.3g} m outside the domain; no particle can reach it{hint}"
+        )
+
+
+def across_periodic_sides(scene: Scene, contact_range: float) -> list[str]:
+    """Cylinders and cones that particles would have to meet through a periodic side, which they cannot.
+
+    Along its axis an infinite cylinder needs no image.
+    """
+    found, reach = [], float(scene.state.radius.max()) + contact_range
+    for wall in scene.wall_elements:
+        if not isinstance(wall, Round):
+            continue
+        bounds = wall.bounds()
+        for k, axis in enumerate("xyz"):
+            if not scene.domain.periodic[k]:
+                continue
+            if bounds is None:
+                if abs(wall.unit_axis[k]) < 1 - 1e-12:
+                    found.append(
+                        f"walls: {wall.name} is infinite and not along {axis}, which is periodic; allowed: an"
+                        f" axis along {axis}, or a length between the sides"
+                    )
+            elif bounds[0][k] - reach < scene.domain.lo[k] or bounds[1][k] + reach > scene.domain.hi[k]:
+                along = isinstance(wall, Cylinder) and abs(wall.unit_axis[k]) >= 1 - 1e-12
+                hint = "; without length it goes on through it" if along else ""
+                found.append(
+                    f"walls: {wall.name} comes within {reach:g} m (largest radius) of a side across {axis},"
+                    f" which is periodic: particles beyond it would not meet the wall{hint}"
+                )
+    return found
