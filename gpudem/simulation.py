@@ -129,8 +129,7 @@ class Simulation:
 
     def _present(self) -> list[Wall]:
         """The walls that are there in the step to come."""
-        here = self._solver.step_count
-        # mutate: walls_of_next_step
+        here = self._solver.step_count  # mutate: walls_of_next_step
         return [wall for wall in self.scene.wall_elements if self.scene.is_present(wall, here)]
 
     # -- reading and writing -------------------------------------------------------------------------------

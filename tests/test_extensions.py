@@ -12,6 +12,7 @@ import pytest
 import warp as wp
 
 import gpudem
+import gpudem.event_driven
 from gpudem.contact import registry as laws
 from gpudem.contact.law import NormalLaw, Parameter, TangentialLaw
 from gpudem.errors import GpudemError, SceneError

@@ -145,7 +145,7 @@ def test_distance_by_minimization():
 
 
 def test_many_points_and_triangles_take_seconds():
-    """1e5 points near 1e5 triangles of a sphere within 60 s on a shared core (measured: about 5 s)."""
+    """20 000 points near 1e5 triangles of a sphere, within 30 s of processor time (measured: 2 s)."""
     n = 223
     t, p = np.meshgrid(
         np.linspace(0.01, np.pi - 0.01, n + 1), np.linspace(0, 2 * np.pi, n + 1), indexing="ij"
@@ -156,12 +156,12 @@ def test_many_points_and_triangles_take_seconds():
         [np.stack([a, b, c], -2).reshape(-1, 3, 3), np.stack([a, c, d], -2).reshape(-1, 3, 3)]
     )
     rng = np.random.default_rng(5)
-    direction = rng.normal(size=(100_000, 3))
-    radius = rng.uniform(0.98, 1.02, (100_000, 1))
+    direction = rng.normal(size=(20_000, 3))
+    radius = rng.uniform(0.98, 1.02, (20_000, 1))
     points = radius * direction / np.linalg.norm(direction, axis=1)[:, None]
     start = time.process_time()
     found = distance_to_triangles(points, corners)
-    assert time.process_time() - start < 60
+    assert time.process_time() - start < 30
     polar = np.abs(points[:, 2]) > 0.999 * radius[:, 0]
     assert np.abs(found - np.abs(radius[:, 0] - 1))[~polar].max() < 2e-4
 

@@ -38,7 +38,10 @@ def picture(wall: Any) -> str:
 
     faces: list[np.ndarray] = []
     for element in wall.elements(tuple(LO.tolist()), tuple(HI.tolist())):
-        points, quads = element.outline(LO, HI)
+        # an infinite tilted plane is drawn as large as the diagonal of what is given
+        points, quads = (
+            element.outline(LO / 1.8, HI / 1.8) if wall.kind == "plane" else element.outline(LO, HI)
+        )
         if wall.kind == "box":  # its planes are infinite; the picture ends at the box
             points = np.clip(points, wall.lo, wall.hi)
         faces += list(points[quads])
@@ -48,8 +51,11 @@ def picture(wall: Any) -> str:
         axes.add_collection3d(
             Poly3DCollection(faces, facecolor="#7fa6c9", edgecolor="#2b4a66", linewidth=0.4, alpha=0.45)
         )
+        corners = np.array([[(LO, HI)[i >> k & 1][k] for k in range(3)] for i in range(8)])
+        for i, j in ((i, i | 1 << k) for i in range(8) for k in range(3) if not i >> k & 1):
+            axes.plot(*corners[[i, j]].T, color="#b5bcc4", linewidth=0.6)
         axes.set(xlim=(LO[0], HI[0]), ylim=(LO[1], HI[1]), zlim=(LO[2], HI[2]))
-        axes.set_box_aspect((1, 1, 1), zoom=1.25)
+        axes.set_box_aspect((1, 1, 1), zoom=1.1)
         axes.view_init(elev=22, azim=-55)
         axes.set_axis_off()
         text = io.StringIO()

@@ -1,8 +1,8 @@
 """Distance of points from a mesh, on the host, in float64: NumPy and SciPy only.
 
 Triangles are sorted into classes of sizes within a factor of 2, each with a k-d tree of their centers. The
-nearest center gives an upper bound of the distance; all triangles whose centers lie within that bound and
-their own size are then measured, some CHUNK at a time, so that memory is bounded whatever the mesh.
+triangle of a near center gives an upper bound of the distance; all triangles whose centers lie within that
+bound and their own size are then measured, some CHUNK at a time, so that memory is bounded whatever the mesh.
 """
 
 from __future__ import annotations
@@ -18,34 +18,45 @@ def distance_to_triangles(points: np.ndarray, corners: np.ndarray, limit: float 
 
     limit: points farther away than this [m] need no exact distance; they get some value above it.
     """
-    from scipy.spatial import KDTree
-
     found = np.full(len(points), np.inf)
     center = corners.mean(axis=1)
     size = np.linalg.norm(corners - center[:, None], axis=2).max(axis=1)
     classes = np.floor(np.log2(np.maximum(size / size.max(), 1e-300))).astype(int)
-    for c in sorted(set(classes.tolist()), reverse=True):
+    for c in np.unique(classes)[::-1].tolist():
         own = np.flatnonzero(classes == c)
-        tree, reach = KDTree(center[own]), float(size[own].max())
-        away, nearest = tree.query(points, distance_upper_bound=min(limit + reach, np.finfo(float).max))
-        near = np.flatnonzero(np.isfinite(away))
-        if len(near) == 0:
-            continue
-        first = pair_distance(points[near], corners[own[nearest[near]]])
-        found[near] = np.minimum(found[near], first)
-        search = np.minimum(found[near], limit) + reach  # mutate: reach_of_triangles
-        counts = tree.query_ball_point(points[near], search * (1 + 1e-12), return_length=True)
-        for part in _parts(counts):
-            rows = near[part]
-            lists = tree.query_ball_point(points[rows], search[part] * (1 + 1e-12))
-            ends = np.concatenate([[0], np.cumsum([len(found_here) for found_here in lists])])
-            some = np.flatnonzero(np.diff(ends))
-            if len(some) == 0:
-                continue
-            triangles = own[np.concatenate([np.array(lists[k], np.int64) for k in some])]
-            measured = pair_distance(points[np.repeat(rows, np.diff(ends))], corners[triangles])
-            found[rows[some]] = np.minimum(found[rows[some]], np.minimum.reduceat(measured, ends[some]))
+        low, high = corners[own].min(axis=(0, 1)), corners[own].max(axis=(0, 1))
+        apart = np.maximum(np.maximum(low - points, points - high), 0.0)
+        near = np.flatnonzero(np.linalg.norm(apart, axis=1) <= np.minimum(found, limit))
+        if len(near):
+            _measure_class(found, near, points, corners[own], center[own], float(size[own].max()), limit)
     return found
+
+
+def _measure_class(
+    found: np.ndarray, near: np.ndarray, points: np.ndarray, corners: np.ndarray, center: np.ndarray,
+    reach: float, limit: float,
+) -> None:  # fmt: skip
+    """Lower the distances `found` of the points in rows `near` to those from triangles of one size class."""
+    from scipy.spatial import KDTree
+
+    tree = KDTree(center)
+    # any near center gives a bound: eps = 1 spares the search among many that are about as far
+    away, nearest = tree.query(points[near], eps=1.0, distance_upper_bound=2 * (limit + reach))
+    some = np.isfinite(away)
+    near, nearest = near[some], nearest[some]
+    found[near] = np.minimum(found[near], pair_distance(points[near], corners[nearest]))
+    search = (np.minimum(found[near], limit) + reach) * (1 + 1e-12)  # mutate: reach_of_triangles
+    counts = tree.query_ball_point(points[near], search, return_length=True)
+    for part in _parts(counts):
+        rows = near[part]
+        lists = tree.query_ball_point(points[rows], search[part])
+        ends = np.concatenate([[0], np.cumsum(counts[part])])
+        some = np.flatnonzero(counts[part])
+        if len(some):
+            triangles = np.concatenate([np.array(lists[k], np.int64) for k in some])
+            measured = pair_distance(points[np.repeat(rows, counts[part])], corners[triangles])
+            lowest = np.minimum.reduceat(measured, ends[some])
+            found[rows[some]] = np.minimum(found[rows[some]], lowest)
 
 
 def _parts(counts: np.ndarray) -> list[np.ndarray]:

@@ -382,7 +382,6 @@ class Scene(Model):
         """
         walls = self.wall_elements
         edges = [0, *(e for e in self.wall_changes if e < self.n_steps), self.n_steps]
-        # mutate: planes_of_segments
         return [(a, b, [w for w in walls if self.is_present(w, a)]) for a, b in itertools.pairwise(edges)]
 
     @functools.cached_property
@@ -399,5 +398,5 @@ class Scene(Model):
 
     def is_present(self, wall: Wall, step: int) -> bool:
         """Whether a wall is there in the steps after this one."""
-        ends = wall.end is not None and self.steps(wall.end) <= step
+        ends = wall.end is not None and self.steps(wall.end) <= step  # mutate: end_of_presence
         return self.steps(wall.begin) <= step and not ends
