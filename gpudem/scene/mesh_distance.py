@@ -41,7 +41,8 @@ def _measure_class(
 
     tree = KDTree(center)
     # any near center gives a bound: eps = 1 spares the search among many that are about as far
-    away, nearest = tree.query(points[near], eps=1.0, distance_upper_bound=2 * (limit + reach))
+    bound = 2 * (limit + reach)
+    away, nearest = map(np.asarray, tree.query(points[near], eps=1.0, distance_upper_bound=bound))
     some = np.isfinite(away)
     near, nearest = near[some], nearest[some]
     found[near] = np.minimum(found[near], pair_distance(points[near], corners[nearest]))

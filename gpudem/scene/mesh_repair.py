@@ -88,7 +88,7 @@ def _require_sound(points: np.ndarray, rows: np.ndarray) -> None:
             f"triangles: row {row + 1} names vertices {named}; must be rows of the {len(points)} vertices,"
             f" 0 to {len(points) - 1}"
         )
-    bad = ~(np.abs(points) <= LARGEST).all(axis=1)  # also of NaN
+    bad = np.asarray(~(np.abs(points) <= LARGEST).all(axis=1))  # also of NaN
     bad[np.setdiff1d(np.flatnonzero(bad), rows)] = False
     if bad.any():
         row = int(np.argmax(bad))
