@@ -46,7 +46,8 @@ def _measure_class(
     some = np.isfinite(away)
     near, nearest = near[some], nearest[some]
     found[near] = np.minimum(found[near], pair_distance(points[near], corners[nearest]))
-    search = (np.minimum(found[near], limit) + reach) * (1 + 1e-12)  # mutate: reach_of_triangles
+    search = np.minimum(found[near], limit) + reach  # mutate: reach_of_triangles
+    search *= 1 + 1e-12
     counts = tree.query_ball_point(points[near], search, return_length=True)
     for part in _parts(counts):
         rows = near[part]
