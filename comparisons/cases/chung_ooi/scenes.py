@@ -180,15 +180,15 @@ class Test:
     def exact_outcome(self, results: kit.Results, run: Run) -> np.ndarray:
         """The same by the ODE."""
 
-        def compute(k: int, m: Meeting) -> tuple[float, float, float]:
-            truth, (n, t, axis) = exact(results, run.scene, m), self.axes(k)
-            at = {name: values[0, 0] for name, values in truth.at(np.array([truth.end])).items()}
-            return at["velocity"] @ n, at["velocity"] @ t, at["angular_velocity"] @ axis
+        def compute() -> np.ndarray:
+            found = []
+            for k, m in enumerate(self.meetings()):
+                truth, (n, t, axis) = exact(results, run.scene, m), self.axes(k)
+                at = {name: values[0, 0] for name, values in truth.at(np.array([truth.end])).items()}
+                found.append((at["velocity"] @ n, at["velocity"] @ t, at["angular_velocity"] @ axis))
+            return np.array(found)
 
-        def of_all() -> np.ndarray:
-            return np.array([compute(k, m) for k, m in enumerate(self.meetings())])
-
-        return results.once(("outcome", run.scene.hash), of_all)
+        return results.once(("outcome", run.scene.hash), compute)
 
 
 def _material(young_gpa: float, poisson: float, density: float) -> Material:
