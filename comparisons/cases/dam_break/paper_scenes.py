@@ -14,9 +14,10 @@ from __future__ import annotations
 import math
 
 from comparisons.cases.dam_break import scenes as dam
+from comparisons.cases.side_by_side import traced
 from comparisons.oracles import normal_impact
 from comparisons.oracles.bodies import star
-from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Scene, Time
+from gpudem.scene import Contact, Explicit, Material, Pair, Scene
 
 #: Restitution put into equation 11 for balls, and the speeds of the impacts [m/s].
 PUT_IN, SPEEDS = 0.9, (0.1, 1.0, 3.0)
@@ -55,14 +56,12 @@ def impacts(dt: float) -> Scene:
     sides = [(k, v, side) for k, v in enumerate(SPEEDS) for side in (1.0, -1.0)]
     position = [(0.02 * k, 0.0, side * (dam.RADIUS + 0.5 * v * FLIGHT)) for k, v, side in sides]
     velocity = [(0.0, 0.0, -side * 0.5 * v) for _, v, side in sides]
-    return Scene(
-        name="paper_law", title=f"balls head-on under equations 6 and 7, step {dt:.3g} s",
-        materials={"ball": dam.BALL},
+    return traced(
+        "paper_law", Explicit(position=position, velocity=velocity, radius=dam.RADIUS, material="ball"),
+        step=dt, duration=DURATION, lo=(-0.02, -0.02, -0.02), hi=(0.07, 0.02, 0.02),
+        title=f"balls head-on under equations 6 and 7, step {dt:.3g} s", materials={"ball": dam.BALL},
         pairs=[Pair(materials=("ball", "ball"), kn=kn, kt=kt, gamma_n=g, gamma_t=g)],
         contact=Contact(normal="hertz/stiffness", tangential="no_history"),
-        particles=Explicit(position=position, velocity=velocity, radius=dam.RADIUS, material="ball"),
-        domain=Domain(lo=(-0.02, -0.02, -0.02), hi=(0.07, 0.02, 0.02)),
-        time=Time(step=dt, duration=DURATION), output=Output(trace_every=dt),
     )  # fmt: skip
 
 

@@ -8,9 +8,10 @@ import math
 import numpy as np
 
 from comparisons import kit
+from comparisons.cases.side_by_side import plane
 from comparisons.metrics import pile
 from gpudem.output.run import Run
-from gpudem.scene import Domain, Lattice, Material, Output, Pair, Plane, Scene, Time
+from gpudem.scene import Domain, Lattice, Material, Output, Pair, Scene, Time
 
 #: Box of the experiment [m]: length, depth, height; number, radius [m] and mass [kg] of its balls.
 LENGTH, DEPTH, HEIGHT = 0.9, 0.4, 0.5
@@ -115,9 +116,8 @@ class Dam:
             ),
             gravity=(0, 0, -GRAVITY),
             walls=[
-                Plane(name=name, material="acrylic", point=point, normal=normal,
-                      removed_at=self.opens if name == "gate" else None)
-                for name, (point, normal) in planes.items()
+                plane(name, *stated, "acrylic", removed_at=self.opens if name == "gate" else None)
+                for name, stated in planes.items()
             ],
             domain=Domain(
                 lo=(-margin, sides[0], -margin), hi=(LENGTH + margin, sides[1], 2 * HEIGHT),

@@ -11,12 +11,13 @@ import numpy as np
 from comparisons import kit
 from comparisons.cases.dam_break import modulus
 from comparisons.cases.dam_break.modulus import CONFIGURATIONS, FLOAT32, FLOAT64, MIXED
+from comparisons.cases.side_by_side import plane
 from comparisons.kit import number
 from comparisons.oracles import step_limit
 from comparisons.oracles.bodies import bodies, of_material
 from comparisons.oracles.closed_forms import elastic_contact_time, static_overlap
 from comparisons.report import plots
-from gpudem.scene import Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
+from gpudem.scene import Domain, Explicit, Material, Output, Pair, Scene, Time
 
 MODULI = {
     "quick": (1e5, 3.25e9, 2e11),
@@ -52,7 +53,7 @@ def _scene(name: str, young: float, e: float, side: int, height: float, speed: f
             position=position, velocity=np.tile([0.0, 0.0, -speed], (side * side, 1)), radius=RADIUS,
             material="ball",
         ),
-        walls=[Plane(name="floor", material="ball", point=(0, 0, PLACE), normal=(0, 0, 1))],
+        walls=[plane("floor", (0, 0, PLACE), (0, 0, 1), "ball")],
         domain=Domain(lo=(lo, lo, lo), hi=(hi, hi, hi)), allow=("time_step",), **changes,
     )  # fmt: skip
 

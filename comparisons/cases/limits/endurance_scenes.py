@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
 
 from comparisons.cases.gas import scenes as gases
+from comparisons.cases.side_by_side import floor, traced
 from comparisons.kit import Tier
 from comparisons.oracles import closed_forms, gas
-from comparisons.oracles.bodies import bodies
+from comparisons.oracles.bodies import bodies, of_material
 from comparisons.oracles.chain import Chain
 from gpudem.output.run import Run
-from gpudem.scene import Box, Contact, Domain, Explicit, Lattice, Material, Output, Pair, Plane, Scene, Time
+from gpudem.scene import Box, Contact, Domain, Explicit, Lattice, Material, Output, Pair, Scene, Time
 
 RADIUS, GRAVITY = 0.003, 9.81
 SOFT = Material(young=5e6, poisson=0.34, density=1768.0)
@@ -94,22 +94,18 @@ def column(count: int) -> Scene:
 
 def _columns(position, velocity, duration: float) -> Scene:
     top = float(np.max(np.array(position)[:, 2])) + 4 * RADIUS
-    return Scene(
-        name="column", materials={"ball": STIFF}, pairs=[Pair(materials=("ball", "ball"))],
-        particles=Explicit(position=position, velocity=velocity, radius=RADIUS, material="ball"),
-        walls=[Plane(name="floor", material="ball", point=(0, 0, 0), normal=(0, 0, 1))],
-        gravity=(0, 0, -GRAVITY),
-        domain=Domain(lo=(-4 * RADIUS, -4 * RADIUS, -RADIUS), hi=(8 * RADIUS, 4 * RADIUS, top)),
-        time=Time(step=COLUMN_STEP, duration=duration), output=Output(trace_every=duration),
+    return traced(
+        "column", Explicit(position=position, velocity=velocity, radius=RADIUS, material="ball"),
+        step=COLUMN_STEP, duration=duration, every=duration, materials={"ball": STIFF},
+        pairs=[Pair(materials=("ball", "ball"))], walls=[floor("ball")], gravity=(0, 0, -GRAVITY),
+        lo=(-4 * RADIUS, -4 * RADIUS, -RADIUS), hi=(8 * RADIUS, 4 * RADIUS, top),
     )  # fmt: skip
 
 
 def chain_of(scene: Scene, count: int | None = None) -> Chain:
     """The closed form of a column."""
     n = len(scene.state) // 2 if count is None else count
-    floor = bodies(scene, 0, "floor")  # of the balls' material
-    pair = dataclasses.replace(floor, mass=(floor.mass[0],) * 2, radius=(floor.radius[0],) * 2)
-    return Chain(n, floor, pair, GRAVITY)
+    return Chain(n, bodies(scene, 0, "floor"), of_material(STIFF, RADIUS, wall=False), GRAVITY)
 
 
 def column_errors(run: Run) -> tuple[float, float]:

@@ -10,15 +10,16 @@ from typing import Any
 
 import numpy as np
 
+from comparisons.cases.side_by_side import every_pair, plane, traced
 from comparisons.oracles.bodies import bodies
 from comparisons.oracles.closed_forms import static_overlap
 from comparisons.oracles.impact import impact
 from comparisons.oracles.several import row_of_spheres, squeezed
 from gpudem.output.run import Run
-from gpudem.scene import Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
+from gpudem.scene import Explicit, Material, Pair, Plane, Scene
 
 R, E, NU, RHO = 0.003, 5e6, 0.34, 1768.0
-SPEED, RESTITUTION = 1.0, 0.9
+SPEED, RESTITUTION, FRICTION = 1.0, 0.9, 0.3
 #: 700 and more steps in a contact of a ball of radius R at SPEED: an impact errs by (|ln e| + 0.1)/steps.
 STEP, DURATION = 1e-6, 4e-3
 SPEEDS = (1e-3, 1e-2, 0.1, 1.0, 3.0)
@@ -71,32 +72,26 @@ class Builder:
         self.balls.append((material, radius, np.array(position, float) + self.origin, velocity))
         return len(self.balls) - 1
 
-    def meet(self, a: str, b: str, restitution: float = RESTITUTION, friction: float = 0.3) -> None:
+    def meet(self, a: str, b: str, restitution: float = RESTITUTION, friction: float = FRICTION) -> None:
         """State the pair of two materials."""
         self.pairs[frozenset((a, b))] = Pair(materials=(a, b), restitution=restitution, friction=friction)
 
     def scene(
-        self, name: str, sides: Sequence[str] = ("zlo",), walls: Sequence[Plane] = (), step: float = STEP,
+        self, name: str, sides: Sequence[str] = ("zlo",), walls: Sequence[Plane] = (),
         duration: float = DURATION, **changes: Any,
     ) -> Scene:  # fmt: skip
         """The scene: planes through the origin at the named sides, and further walls; traced at its end."""
-        names = list(self.materials)
-        for a, b in ((a, b) for k, a in enumerate(names) for b in names[k:]):
-            if frozenset((a, b)) not in self.pairs:
-                self.meet(a, b)
         material, radius, position, velocity = zip(*self.balls, strict=True)
-        origin, largest, room = (self.origin, self.origin, self.origin), np.max(radius), 10 * self.unit
-        planes = [
-            Plane(name=f"side_{s}", material="wall", point=origin, normal=np.eye(3)["xyz".index(s[0])])
-            for s in sides
-        ]
+        largest, room = np.max(radius), 10 * self.unit
         lo, hi = np.min(position, axis=0) - largest - room, np.max(position, axis=0) + largest + room
-        data = {
-            "particles": Explicit(position=position, velocity=velocity, radius=radius, material=material),
-            "walls": [*planes, *walls], "domain": Domain(lo=tuple(lo), hi=tuple(hi)),
-            "time": Time(step=step, duration=duration), "output": Output(trace_every=duration),
-        }  # fmt: skip
-        return Scene(name=name, materials=self.materials, pairs=list(self.pairs.values()), **data | changes)
+        planes = [plane(f"side_{s}", (self.origin,) * 3, np.eye(3)["xyz".index(s[0])]) for s in sides]
+        return traced(
+            name, Explicit(position=position, velocity=velocity, radius=radius, material=material),
+            duration=duration, every=duration, materials=self.materials, walls=[*planes, *walls],
+            pairs=every_pair(list(self.materials), list(self.pairs.values()), restitution=RESTITUTION,
+                             friction=FRICTION),
+            **{"step": STEP, "lo": tuple(lo), "hi": tuple(hi)} | changes,
+        )  # fmt: skip
 
 
 def rebound_error(items: list[tuple[int, int | None, float]], axes: Any = 2) -> Measure:
@@ -133,7 +128,7 @@ def fast(speed: float, step: float) -> Extreme:
     row = b.ball("ball", R, (0, 0, 2 * R), (0, 0, -speed))
     scene = b.scene(
         "fast", step=step, duration=math.ceil((4 * R / speed + 1e-3) / step) * step,
-        domain=Domain(lo=(-0.05, -0.02, -0.5), hi=(0.02, 0.02, 0.5)),
+        lo=(-0.05, -0.02, -0.5), hi=(0.02, 0.02, 0.5),
     )  # fmt: skip
     title = f"impact at {speed:g} m/s on 5 MPa: overlap beyond the radius"
     return Extreme(f"fast_{speed:g}", title, scene, rebound_error([(row, None, RESTITUTION)]), 2e-3, True)
@@ -233,7 +228,7 @@ def gate() -> Extreme:
     b.meet("ball", "wall", RESTITUTION, 0.0)
     row = b.ball("ball", R, (0, 0, 5 * R), (SPEED, 0, 0))
     opens = 4e-4
-    shut = Plane(name="gate", material="wall", point=(1.02 * R, 0, 0), normal=(-1, 0, 0), removed_at=opens)
+    shut = plane("gate", (1.02 * R, 0, 0), (-1, 0, 0), removed_at=opens)
     scene = b.scene("gate", walls=[shut])
 
     def error(run: Run) -> float:
@@ -253,9 +248,7 @@ def heavy_on_bed() -> Extreme:
     low, *_ = [b.ball("light", R, (x, y, R), (0, 0, 0)) for x in (R, 3 * R) for y in (R, 3 * R)]
     high = R + math.sqrt(4.25) * R
     top = b.ball("heavy", 1.5 * R, (2 * R, 2 * R, high), (0, 0, 0))
-    far = [
-        Plane(name=f"far_{k}", material="wall", point=(4 * R, 4 * R, 0), normal=-np.eye(3)[k]) for k in (0, 1)
-    ]
+    far = [plane(f"far_{k}", (4 * R, 4 * R, 0), -np.eye(3)[k]) for k in (0, 1)]
     scene = b.scene(
         "heavy_on_bed", ("xlo", "ylo", "zlo"), far, step=5e-6, duration=0.6, gravity=(0, 0, -9.81)
     )
@@ -277,7 +270,7 @@ def light_between() -> Extreme:
     b.material("light", SLIGHT)
     row = (("heavy", 10.0, 0.0), ("light", 12.002, 0.0), ("heavy", 14.004, -SPEED))
     rows = [b.ball(name, R, (0, 0, z * R), (0, 0, v)) for name, z, v in row]
-    scene = b.scene("light_between", step=2e-7, output=Output(trace_every=DURATION))
+    scene = b.scene("light_between", step=2e-7)
     contacts = (bodies(scene, rows[0], rows[1]), bodies(scene, rows[1], rows[2]))
 
     def error(run: Run) -> float:

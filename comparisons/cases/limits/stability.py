@@ -12,11 +12,12 @@ import math
 
 import numpy as np
 
+from comparisons.cases.side_by_side import floor, traced
 from comparisons.oracles import step_limit
 from comparisons.oracles.bodies import Bodies
 from comparisons.oracles.closed_forms import elastic_contact_time
 from gpudem.output.run import Run
-from gpudem.scene import Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
+from gpudem.scene import Explicit, Material, Pair, Scene
 
 BALL = Material(young=5e6, poisson=0.34, density=1768.0)
 STEP, GRAVITY, IMPACT = 1e-4, 9.81, 1.0
@@ -87,22 +88,19 @@ def _scene(kind: str, normal: str, balls: list[tuple], steps: int, rows: int, al
     names, room = list(dict.fromkeys(material)), ROOM[kind]
     partners, side = [*names, "floor"], 2 * max(radius)
     top = np.max(np.array(position) + np.array(radius)[:, None], axis=0)
-    return Scene(
-        name=f"{kind}_{normal}", materials=dict.fromkeys(partners, BALL),
+    return traced(
+        f"{kind}_{normal}",
+        Explicit(position=position, velocity=velocity, angular_velocity=spin, radius=radius,
+                 material=material),
+        step=STEP, duration=steps * STEP, every=steps // rows * STEP,
+        lo=(-side, -side - room[0], -room[1]),
+        hi=(float(top[0]) + side, float(top[1]) + side + room[0], room[1]),
+        materials=dict.fromkeys(partners, BALL), walls=[floor()], allow=allow,
         pairs=[
             Pair(materials=(a, b), restitution=GROUPS[a][0], friction=GROUPS[a][1])
             for k, a in enumerate(names) for b in partners[k:]
         ],
-        contact={"normal": normal, "characteristic_velocity": VELOCITY[normal]},
-        particles=Explicit(position=position, velocity=velocity, angular_velocity=spin, radius=radius,
-                           material=material),
-        walls=[Plane(name="floor", material="floor", point=(0, 0, 0), normal=(0, 0, 1))],
-        domain=Domain(
-            lo=(-side, -side - room[0], -room[1]),
-            hi=(float(top[0]) + side, float(top[1]) + side + room[0], room[1]),
-        ),
-        time=Time(step=STEP, duration=steps * STEP), output=Output(trace_every=steps // rows * STEP),
-        allow=allow, **more,
+        contact={"normal": normal, "characteristic_velocity": VELOCITY[normal]}, **more,
     )  # fmt: skip
 
 
@@ -184,10 +182,10 @@ def contact_time(spot: Spot, normal: str) -> float:
 @functools.lru_cache(4096)
 def limit(spot: Spot, normal: str) -> float:
     """Closed form of the largest stable step of a contact or column at rest / Rayleigh time."""
-    floor, speed, rayleigh = spot.bodies(), VELOCITY[normal], STEP / spot.share
+    ball, speed, rayleigh = spot.bodies(), VELOCITY[normal], STEP / spot.share
     if spot.kind == "rest":
-        return step_limit.single(floor, floor.mass[0] * GRAVITY, speed) / rayleigh
-    return step_limit.column(COLUMN, floor, spot.bodies(pair=True), GRAVITY, speed) / rayleigh
+        return step_limit.single(ball, ball.mass[0] * GRAVITY, speed) / rayleigh
+    return step_limit.column(COLUMN, ball, spot.bodies(pair=True), GRAVITY, speed) / rayleigh
 
 
 def growth(run: Run, spot: Spot) -> float:
