@@ -116,8 +116,8 @@ class Dam:
             ),
             gravity=(0, 0, -GRAVITY),
             walls=[
-                plane(name, *stated, "acrylic", removed_at=self.opens if name == "gate" else None)
-                for name, stated in planes.items()
+                plane(name, point, normal, "acrylic", removed_at=self.opens if name == "gate" else None)
+                for name, (point, normal) in planes.items()
             ],
             domain=Domain(
                 lo=(-margin, sides[0], -margin), hi=(LENGTH + margin, sides[1], 2 * HEIGHT),
