@@ -235,6 +235,8 @@ def _unsupported_features(scene: Scene, guard: float, tangential: float | None) 
             found.append(f"walls.{wall.name}.kind = {wall.kind!r}: hard spheres support only planes")
         elif _side_of(wall) is None:
             found.append(f"walls.{wall.name}.normal = {wall.normal}: must be along an axis")
+        for key in wall.given_keys("contact", "motion", "surface_velocity"):
+            found.append(f"walls.{wall.name}.{key}: hard spheres have no such property of a wall")
     found += _unsupported_motion(scene)
     if guard < 0 or not math.isfinite(guard):
         found.append(f"guard = {guard:g} s: must be finite and at least 0 s")

@@ -22,6 +22,7 @@ from gpudem.scene.time_step import (
     contact_time,
     position_spacing,
     rayleigh_time,
+    uses_moduli,
 )
 
 if TYPE_CHECKING:
@@ -124,16 +125,26 @@ def _pairs(scene: Scene) -> list[str]:
         for b in partners:
             if scene.pair(a, b) is None and (b not in ours or ours.index(a) <= ours.index(b)):
                 found.append(f"pairs: {a} / {b} can meet, and no pair gives their restitution and friction")
-    for pair in scene.contact_pairs if scene.materials else []:
-        missing = scene.normal_law.missing(scene.inputs(*pair.materials))
-        if missing:
-            found.append(
-                f"pairs: {' / '.join(pair.materials)}: {scene.contact.normal} needs {', '.join(missing)}"
-            )
-    law = scene.normal_law
-    if "characteristic_velocity" in law.reads and scene.contact.characteristic_velocity is None:
-        found.append(f"contact.characteristic_velocity: missing; {law.name} needs it [m/s]")
-    return found
+    for names, inputs in scene.contact_groups.items() if scene.materials else ():
+        law = names.normal_law
+        for pair in inputs:
+            if missing := law.missing(pair):
+                found.append(
+                    f"pairs: {' / '.join(pair.pair.materials)}: {law.name} needs {', '.join(missing)}"
+                )
+        if "characteristic_velocity" in law.reads and scene.contact.characteristic_velocity is None:
+            found.append(f"contact.characteristic_velocity: missing; {law.name} needs it [m/s]")
+    return found or _ranges(scene)
+
+
+def _ranges(scene: Scene) -> list[str]:
+    """A wall of another normal law beside one that acts across gaps."""
+    others = {name for name, names in scene.wall_laws.items() if names.normal != scene.contact.normal}
+    return [
+        f"walls: {name}.contact.normal: a law that acts across a gap must be that of all contacts"
+        for name in sorted(others)
+        if scene.contact_range > 0
+    ]
 
 
 # -- space -------------------------------------------------------------------------------------------------
@@ -325,10 +336,10 @@ def step_limit(scene: Scene, rayleigh: float, contact: float) -> tuple[float, st
 
     With `hertz/stiffness` the moduli of the materials do not act, and the Rayleigh time means nothing.
     """
-    law = scene.contact.normal
+    law = ", ".join(dict.fromkeys(names.normal for names in scene.contact_groups))
     kind = "Hertz contact time" if law == "hertz" else f"contact time ({law})"
     limits = [(contact * contact_time(scene), f"{contact:g} of the {kind}")]
-    if scene.normal_law.uses_moduli:
+    if uses_moduli(scene):
         limits.append((rayleigh * rayleigh_time(scene), f"{rayleigh:g} of the Rayleigh time"))
     return min(limits)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpudem.contact import registry
 from gpudem.contact.law import Parameter
 from gpudem.scene.files import nearest
+from gpudem.scene.laws import stated_laws
 from gpudem.scene.types import Model, number
 
 if TYPE_CHECKING:
@@ -15,9 +15,10 @@ if TYPE_CHECKING:
 
 def problems(scene: Scene) -> list[str]:
     """Unknown keys, values out of range, and missing parameters of `[contact]` that a law needs."""
-    names = (scene.contact.normal, scene.contact.tangential, scene.contact.rolling)
-    slots = zip(registry.SLOTS, names, strict=True)
-    laws = [law for slot, name in slots if (law := registry.find(slot, name)) is not None]
+    own = [
+        stated_laws(scene, wall) for wall in getattr(scene, "walls", ())
+    ]  # where walls are not valid: none
+    laws = list(dict.fromkeys(law for names in [stated_laws(scene), *own] for law in names.laws))
     declared = [parameter for law in laws for parameter in law.parameters]
     found = _section("contact", scene.contact, [p for p in declared if p.where == "contact"])
     for i, pair in enumerate(scene.pairs):

@@ -22,7 +22,8 @@ from pydantic import BaseModel, Field, ValidationError
 from gpudem.contact import registry
 from gpudem.contact.law import Law, NormalLaw, PairInputs
 from gpudem.errors import SceneError
-from gpudem.scene import checks, files, overlaps, time_step
+from gpudem.scene import checks, files, laws, overlaps, time_step
+from gpudem.scene.laws import LawNames
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.packing import InitialState, lattice
 from gpudem.scene.particle_files import ParticleFile, read_particles
@@ -285,13 +286,27 @@ class Scene(Model):
 
     @property
     def laws(self) -> tuple[Law, ...]:
-        """The laws that act in this scene, in order of the slots."""
-        found = [self.normal_law]
-        if self.needs.tangential:
-            found.append(registry.law("tangential", self.contact.tangential))
-        if self.needs.rolling:
-            found.append(registry.law("rolling", self.contact.rolling))
-        return tuple(found)
+        """The laws that act in this scene, in order of the slots; those of walls last."""
+        groups = (self.acting_laws, *self.wall_laws.values())
+        return tuple(dict.fromkeys(law for names in groups for law in names.laws))
+
+    @functools.cached_property
+    def contact_groups(self) -> dict[LawNames, list[PairInputs]]:
+        """Laws as stated -> the kinds of contacts that have them; the first are those of `[contact]`."""
+        return laws.contact_groups(self)
+
+    @functools.cached_property
+    def acting_laws(self) -> LawNames:
+        """The laws between particles, and at walls without laws of their own."""
+        names = laws.stated_laws(self)
+        return laws.acting(names, self.contact_groups[names])
+
+    @functools.cached_property
+    def wall_laws(self) -> dict[str, LawNames]:
+        """Name -> the laws that act at a wall where others act than those of `[contact]`."""
+        own = {wall.name: laws.stated_laws(self, wall) for wall in self.wall_elements}
+        act = {names: laws.acting(names, inputs) for names, inputs in self.contact_groups.items()}
+        return {name: act[names] for name, names in own.items() if act[names] != self.acting_laws}
 
     @functools.cached_property
     def start_overlap(self) -> float:
@@ -301,8 +316,8 @@ class Scene(Model):
     @functools.cached_property
     def contact_range(self) -> float:
         """Largest gap [m] across which the normal law acts; 0 for a law of contact."""
-        law = self.normal_law
-        return max((law.range(self.inputs(*pair.materials)) for pair in self.contact_pairs), default=0.0)
+        groups = self.contact_groups.items()
+        return max((names.normal_law.range(pair) for names, pairs in groups for pair in pairs), default=0.0)
 
     @functools.cached_property
     def contact_pairs(self) -> list[Pair]:
@@ -325,20 +340,17 @@ class Scene(Model):
     @functools.cached_property
     def needs(self) -> Needs:
         """Which physics this scene has."""
-        state, inputs = self.state, [self.inputs(*pair.materials) for pair in self.contact_pairs]
-        law, shear = self.normal_law, registry.find("tangential", self.contact.tangential)
-        roll = registry.find("rolling", self.contact.rolling)
-        # mutate: needs_tangential
-        tangential = shear is not None and any(shear.acts(pair) for pair in inputs)
-        # mutate: needs_rolling
-        rolling = roll is not None and any(roll.acts(pair) for pair in inputs)
+        state, groups = self.state, self.contact_groups
+        acting = (self.acting_laws, *self.wall_laws.values())
+        tangential = any(names.tangential != registry.OFF for names in acting)
+        rolling = any(names.rolling != registry.OFF for names in acting)
         # mutate: scene_needs
         return Needs(
             tangential=tangential,
-            history=tangential and bool(getattr(shear, "history", False)),
+            history=any(names.history for names in acting),
             rolling=rolling,
             rotation=tangential or rolling or bool(np.any(state.angular_velocity)),
-            damping=any(law.dissipates(pair) for pair in inputs),
+            damping=any(names.normal_law.dissipates(p) for names, pairs in groups.items() for p in pairs),
             gravity=any(self.gravity),
             walls=bool(self.walls),
             gate=any(w.begin > 0 or w.end is not None for w in self.wall_elements),

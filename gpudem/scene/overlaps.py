@@ -13,9 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gpudem.scene import laws
+
 if TYPE_CHECKING:
     from scipy.spatial import KDTree
 
+    from gpudem.contact.law import NormalLaw
     from gpudem.scene.model import Scene
 
 #: Overlap at the start beyond this share of the smaller radius is an error (a settled bed has about 1 %).
@@ -75,18 +78,18 @@ def largest_start_overlap(scene: Scene) -> float:
 
 def start_elastic_energy(scene: Scene) -> float:
     """Elastic energy [J] of all overlaps at the start, by the normal law: m* v^2/2 of each release."""
-    state, lo, law, energy = scene.state, np.array(scene.domain.lo), scene.normal_law, 0.0
+    state, lo, energy = scene.state, np.array(scene.domain.lo), 0.0
     names, mass = list(scene.materials), scene.masses
 
-    def released(a: int, b: int | str, r: float, m: float, overlap: float) -> float:
-        partner = b if isinstance(b, str) else names[state.material[b]]
+    def released(law: NormalLaw, a: int, partner: str, r: float, m: float, overlap: float) -> float:
         inputs = scene.inputs(names[state.material[a]], partner)
         return 0.5 * m * law.release_speed(inputs, r, m, overlap) ** 2
 
     for wall in scene.walls_at_start:
+        law = laws.stated_laws(scene, wall).normal_law
         overlap = wall.overlap(state.position, state.radius)
         for i in np.flatnonzero(overlap > TOUCHING * state.radius).tolist():
-            energy += released(i, wall.material, state.radius[i], mass[i], overlap[i])
+            energy += released(law, i, wall.material, state.radius[i], mass[i], overlap[i])
     if len(state) < 2 or lattice_within(scene):
         return energy
     period = np.where(scene.domain.periodic, np.array(scene.domain.hi) - lo, 0.0)
@@ -96,7 +99,9 @@ def start_elastic_energy(scene: Scene) -> float:
             a, b = int(i[k]), int(j[k])
             r = state.radius[a] * state.radius[b] / sum_radii[k]
             m = mass[a] * mass[b] / (mass[a] + mass[b])
-            energy += released(a, b, r, m, sum_radii[k] - distance[k])
+            energy += released(
+                scene.normal_law, a, names[state.material[b]], r, m, sum_radii[k] - distance[k]
+            )
     return energy
 
 

@@ -6,12 +6,12 @@ is no setting: a scene does not record whether it was stated.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gpudem.contact import registry
+from gpudem.scene.laws import LawNames, stated_laws
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.mesh_repair import oddities
 from gpudem.scene.round_walls import Cylinder
@@ -40,7 +40,7 @@ MANY_BYTES = 2e9
 
 def without_effect(scene: Scene) -> list[str]:
     """Settings that nothing in this scene reads, or that cannot act in it."""
-    checks = (_materials, _pairs, _contact, _particles, _walls, _solver)
+    checks = (_materials, _pairs, _contact, _laws_of_walls, _particles, _walls, _solver)
     return [sentence for check in checks for sentence in check(scene)]
 
 
@@ -51,10 +51,9 @@ def _materials(scene: Scene) -> Iterator[str]:
             yield f"materials.{name}: no effect, nor have its pairs: no particle and no wall is made of it"
 
 
-def _read_by_laws(scene: Scene) -> set[str]:
-    """The fields of pairs and of the contact that the laws of the scene read."""
-    laws = [registry.find(slot, getattr(scene.contact, slot)) for slot in registry.SLOTS]
-    return {key for law in laws if law is not None for key in law.reads}
+def _read_by_laws(groups: Iterable[LawNames]) -> set[str]:
+    """The fields of pairs and of the contact that these laws read."""
+    return {key for names in groups for law in names.laws for key in law.reads}
 
 
 #: Key of a pair -> the slot of the laws that may read it; all others belong to the normal law.
@@ -63,10 +62,9 @@ _SLOT = {"friction": "tangential", "rolling_friction": "rolling"}
 
 def _pairs(scene: Scene) -> Iterator[str]:
     """Of the pairs that can touch, one sentence a reason; pairs of walls only complete the table."""
-    read = _read_by_laws(scene)
     unread: dict[tuple[tuple[str, ...], str], list[Pair]] = {}
     for pair in scene.contact_pairs:
-        for keys, reason in _unread(scene, pair, read):
+        for keys, reason in _unread(scene, pair):
             unread.setdefault((keys, reason), []).append(pair)
     for (keys, reason), pairs in unread.items():
         names = ", ".join(" / ".join(pair.materials) for pair in pairs[:3])
@@ -78,40 +76,42 @@ def _pairs(scene: Scene) -> Iterator[str]:
             yield f"pairs {names}{more}: {', '.join(keys)}: no effect {reason}"
 
 
-def _unread(scene: Scene, pair: Pair, read: set[str]) -> Iterator[tuple[tuple[str, ...], str]]:
+def _unread(scene: Scene, pair: Pair) -> Iterator[tuple[tuple[str, ...], str]]:
     """(keys, why) of the properties of one pair that do not act in its contacts."""
+    groups = [n for n, inputs in scene.contact_groups.items() if any(p.pair is pair for p in inputs)]
+    read = _read_by_laws(groups)
     unread: dict[str, list[str]] = {}
     for key, field in type(pair).model_fields.items():
         if key != "materials" and getattr(pair, key) != field.default and key not in read:
             unread.setdefault(_SLOT.get(key, "normal"), []).append(key)
     for slot, keys in unread.items():
-        yield tuple(keys), f"with contact.{slot} = {getattr(scene.contact, slot)!r}"
+        yield tuple(keys), f"with contact.{slot} = {getattr(groups[0], slot)!r}"
     if pair.friction > 0 and "friction" in read:
-        reason = _no_tangential_force(scene, pair)
-        if reason:
-            yield ("friction",), reason
+        reasons = [_no_tangential_force(scene, pair, names) for names in groups]
+        if all(reasons):
+            yield ("friction",), reasons[0]
 
 
-def _no_tangential_force(scene: Scene, pair: Pair) -> str:
-    """Why a pair with friction has no tangential force; empty where it has one."""
-    law = scene.contact.tangential
-    constants = scene.normal_law.coefficients_of(scene.inputs(*pair.materials))
+def _no_tangential_force(scene: Scene, pair: Pair, names: LawNames) -> str:
+    """Why a pair with friction has no tangential force under these laws; empty where it has one."""
+    law, normal = names.tangential, names.normal_law
+    constants = normal.coefficients_of(scene.inputs(*pair.materials))
     damped = scene.contact.tangential_damping and constants["c_tangential"] > 0
     sprung = law == "history" and constants["k_tangential"] > 0
     if damped or sprung or law not in ("history", "no_history"):
         return ""
     if law == "history":
         return "without tangential stiffness and damping"
-    why = "restitution = 1" if "restitution" in scene.normal_law.reads else "gamma_t = 0"
+    why = "restitution = 1" if "restitution" in normal.reads else "gamma_t = 0"
     if not scene.contact.tangential_damping:
         why = "contact.tangential_damping = false"
     return f"with contact.tangential = 'no_history', a dashpot, which is zero with {why}"
 
 
 def _contact(scene: Scene) -> Iterator[str]:
-    contact, needs, read = scene.contact, scene.needs, _read_by_laws(scene)
+    contact, needs, read = scene.contact, scene.needs, _read_by_laws(scene.contact_groups)
     frictionless = not any(pair.friction > 0 for pair in scene.contact_pairs)
-    if "rolling_friction" in read and not needs.rolling:
+    if "rolling_friction" in _read_by_laws([stated_laws(scene)]) and scene.acting_laws.rolling == "off":
         yield f"contact.rolling = {contact.rolling!r}: no effect, no pair has rolling_friction"
     if contact.limit_force and not needs.damping and scene.contact_range == 0:
         yield "contact.limit_force = true: no effect, a normal force without damping does not attract"
@@ -123,6 +123,22 @@ def _contact(scene: Scene) -> Iterator[str]:
             f"contact.characteristic_velocity = {contact.characteristic_velocity:g} m/s: no effect with"
             f" contact.normal = {contact.normal!r}"
         )
+
+
+def _laws_of_walls(scene: Scene) -> Iterator[str]:
+    """Laws of a wall that are those of the particles, or that act in none of its contacts."""
+    usual = stated_laws(scene)
+    for wall in scene.wall_elements:
+        names = stated_laws(scene, wall)
+        own = {slot: name for slot, name in (wall.contact or ()) if name is not None}
+        if own and names == usual:
+            text = ", ".join(f"{slot} = {name!r}" for slot, name in own.items())
+            yield f"walls: {wall.name}.contact: {text}: no effect, so it is in [contact]"
+        elif own:
+            acting = scene.wall_laws.get(wall.name, scene.acting_laws)
+            for slot, key in (("tangential", "friction"), ("rolling", "rolling_friction")):
+                if slot in own and getattr(names, slot) != getattr(acting, slot):
+                    yield f"walls: {wall.name}.contact.{slot} = {own[slot]!r}: no effect, no pair has {key}"
 
 
 def _particles(scene: Scene) -> Iterator[str]:

@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gpudem.contact import registry
+from gpudem.scene import laws
 from gpudem.scene.overlaps import MAX_START_OVERLAP
 
 if TYPE_CHECKING:
+    from gpudem.contact.law import NormalLaw, PairInputs
     from gpudem.scene.model import Scene
 
 #: What is usual in the field at most: shares of the Rayleigh time and of the contact time (20 steps).
@@ -51,14 +54,14 @@ def top_speed(scene: Scene) -> float:
     return own + 2 * max((wall.speed for wall in scene.wall_elements), default=0.0)
 
 
-def _contact_pairs(scene: Scene) -> Iterator[tuple[str, str, float, float, float]]:
-    """(material, partner, R* [m], m* [kg], speed [m/s]): the smallest particles of pairs that can touch.
+def _contact_pairs(scene: Scene) -> Iterator[tuple[NormalLaw, PairInputs, float, float, float]]:
+    """(law, inputs, R* [m], m* [kg], speed [m/s]): the smallest particles of pairs that can touch.
 
     The speed is the top speed between particle and wall, twice that between particles; at least that at which
     the largest overlap at the start, relative to the smaller radius, drives the two apart.
     """
-    speed, state, law = top_speed(scene), scene.state, scene.normal_law
-    walls = sorted({w.material for w in scene.walls})
+    speed, state, usual = top_speed(scene), scene.state, scene.normal_law
+    walls = sorted({(w.material, laws.stated_laws(scene, w).normal) for w in scene.wall_elements})
     deepest = 2.0 if {"overlap", "large_overlap"} & set(scene.allow) else MAX_START_OVERLAP
     smallest = {
         name: float(state.radius[state.material == scene.material_index[name]].min())
@@ -68,8 +71,9 @@ def _contact_pairs(scene: Scene) -> Iterator[tuple[str, str, float, float, float
     def mass(name: str) -> float:
         return scene.materials[name].density * 4 / 3 * math.pi * smallest[name] ** 3
 
-    def at_least_released(a: str, b: str, r: float, m: float, radius: float, v: float) -> float:
-        inputs = scene.inputs(a, b)
+    def at_least_released(
+        law: NormalLaw, inputs: PairInputs, r: float, m: float, radius: float, v: float
+    ) -> float:
         if law.release_speed(inputs, r, m, deepest * radius) <= v:  # without a search for overlaps
             return v
         return max(v, law.release_speed(inputs, r, m, scene.start_overlap * radius))
@@ -79,23 +83,22 @@ def _contact_pairs(scene: Scene) -> Iterator[tuple[str, str, float, float, float
             r = radius * smallest[partner] / (radius + smallest[partner])
             m = mass(name) * mass(partner) / (mass(name) + mass(partner))
             smaller = min(radius, smallest[partner])
-            yield name, partner, r, m, at_least_released(name, partner, r, m, smaller, 2 * speed)
-        for partner in walls:
-            m = mass(name)
-            yield name, partner, radius, m, at_least_released(name, partner, radius, m, radius, speed)
+            inputs = scene.inputs(name, partner)
+            yield usual, inputs, r, m, at_least_released(usual, inputs, r, m, smaller, 2 * speed)
+        for partner, normal in walls:
+            law, inputs, m = registry.law("normal", normal), scene.inputs(name, partner), mass(name)
+            yield law, inputs, radius, m, at_least_released(law, inputs, radius, m, radius, speed)
 
 
 def contact_time(scene: Scene) -> float:
-    """Shortest contact time [s] by the scene's normal law, of the smallest particles of each material pair.
+    """Shortest contact time [s] by the scene's normal laws, of the smallest particles of each material pair.
 
     At the top speed between particle and wall, twice that between particles, or that at which overlaps at the
     start drive them apart; infinite where nothing moves and the law's contact time depends on the speed.
     Damping lengthens a contact: it is not counted.
     """
-    law, times = scene.normal_law, [math.inf]
-    for name, partner, r, m, v in _contact_pairs(scene):
-        times.append(law.contact_time(scene.inputs(name, partner), r, m, v))
-    return min(times)
+    times = [law.contact_time(inputs, r, m, v) for law, inputs, r, m, v in _contact_pairs(scene)]
+    return min([math.inf, *times])
 
 
 def min_restitution(scene: Scene) -> float:
@@ -103,10 +106,8 @@ def min_restitution(scene: Scene) -> float:
 
     As stated; where the law states none, that of an impact at the top speed.
     """
-    law, found = scene.normal_law, [1.0]
-    for name, partner, r, m, v in _contact_pairs(scene):
-        found.append(law.restitution(scene.inputs(name, partner), r, m, v))
-    return min(found)
+    found = [law.restitution(inputs, r, m, v) for law, inputs, r, m, v in _contact_pairs(scene)]
+    return min([1.0, *found])
 
 
 def steps_per_contact(scene: Scene, accuracy: float) -> float:
@@ -132,4 +133,9 @@ def steps_per_contact(scene: Scene, accuracy: float) -> float:
 def step_for(scene: Scene, accuracy: float) -> float:
     """The time step [s] of `step = "auto"`: contact time / steps_per_contact, at most the usual limits."""
     contact = contact_time(scene) / max(steps_per_contact(scene, accuracy), 1 / USUAL_CONTACT)
-    return min(contact, USUAL_RAYLEIGH * rayleigh_time(scene)) if scene.normal_law.uses_moduli else contact
+    return min(contact, USUAL_RAYLEIGH * rayleigh_time(scene)) if uses_moduli(scene) else contact
+
+
+def uses_moduli(scene: Scene) -> bool:
+    """Whether the moduli of the materials act in a contact, so that the Rayleigh time limits the step."""
+    return any(names.normal_law.uses_moduli for names in scene.contact_groups)

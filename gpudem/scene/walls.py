@@ -84,6 +84,10 @@ class Wall(Model):
             return self.removed_at
         return self.present[1] if self.present and len(self.present) > 1 else None
 
+    def given_keys(self, *keys: str) -> list[str]:
+        """Those of some optional keys that have a value: for codes that do not know them."""
+        return [key for key in keys if getattr(self, key) not in (None, ())]
+
     def elements(self, lo: Vector, hi: Vector) -> list[Wall]:
         """The elementary walls of which it consists, in a domain lo..hi [m]."""
         return [self]

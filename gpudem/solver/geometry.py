@@ -1,6 +1,7 @@
 # pyright: reportInvalidTypeForm=false
 """From positions and velocities to a `Contact`, and from it to forces: one procedure for pairs and walls."""
 
+import dataclasses
 import functools
 from types import SimpleNamespace
 from typing import Any
@@ -188,3 +189,68 @@ def contact_procedure(spec: Spec) -> SimpleNamespace:
         return damping(c, pair, dt)
 
     return SimpleNamespace(resolve=resolve, damping_apart=damping_apart)
+
+
+@functools.cache
+def wall_procedure(spec: Spec) -> SimpleNamespace:
+    """The functions of `contact_procedure` for contacts at walls, each of which may have laws of its own.
+
+    resolve and damping_apart take two arguments more, last: the struct `Walls` and the wall.
+    """
+    own = [
+        contact_procedure(dataclasses.replace(spec, **laws._asdict(), wall_laws=()))
+        for laws in spec.law_names
+    ]
+    return SimpleNamespace(
+        resolve=_resolve_by_law(spec.precision, [p.resolve for p in own], 0),
+        damping_apart=_damping_by_law(spec.precision, [p.damping_apart for p in own], 0),
+    )
+
+
+def _resolve_by_law(precision: str, procedures: list[Any], index: int) -> Any:
+    """`resolve` of the laws of a wall: those at `index` or after it; the last need no test."""
+    t = structs(precision)
+    real, vec3, wide3, Walls = t.real, t.vec3, t.wide3, t.Walls
+    Contact = contact_struct(real)
+    here, last_one = procedures[index], index == len(procedures) - 1
+    rest = here if last_one else _resolve_by_law(precision, procedures, index + 1)
+
+    @wp.func
+    def resolve(
+        c: Contact, v: wide3, v_next: wide3, w_i: wide3, w_i_next: wide3, w_j: wide3, w_j_next: wide3,
+        lever_j: real, pair: Any, spring: vec3, last: vec3, dt: real, step: real,
+        walls: Walls, wall: wp.int32,
+    ):  # fmt: skip
+        if wp.static(not last_one):
+            if walls.law[wall] != wp.static(index):  # mutate: law_of_wall
+                f, n_cross_ft, spring_new, rolling = rest(
+                    c, v, v_next, w_i, w_i_next, w_j, w_j_next, lever_j, pair, spring, last, dt, step,
+                    walls, wall,
+                )  # fmt: skip
+                return f, n_cross_ft, spring_new, rolling
+        f, n_cross_ft, spring_new, rolling = here(
+            c, v, v_next, w_i, w_i_next, w_j, w_j_next, lever_j, pair, spring, last, dt, step
+        )
+        return f, n_cross_ft, spring_new, rolling
+
+    return resolve
+
+
+def _damping_by_law(precision: str, procedures: list[Any], index: int) -> Any:
+    """`damping_apart`, likewise."""
+    t = structs(precision)
+    real, wide3, Walls = t.real, t.wide3, t.Walls
+    Contact = contact_struct(real)
+    here, last_one = procedures[index], index == len(procedures) - 1
+    rest = here if last_one else _damping_by_law(precision, procedures, index + 1)
+
+    @wp.func
+    def damping_apart(
+        c: Contact, v: wide3, v_next: wide3, pair: Any, dt: real, walls: Walls, wall: wp.int32
+    ):  # fmt: skip
+        if wp.static(not last_one):
+            if walls.law[wall] != wp.static(index):
+                return rest(c, v, v_next, pair, dt, walls, wall)
+        return here(c, v, v_next, pair, dt)
+
+    return damping_apart

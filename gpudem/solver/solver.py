@@ -17,6 +17,7 @@ import numpy as np
 import warp as wp
 
 from gpudem.contact.coefficients import pair_coefficients
+from gpudem.contact.law import Law
 from gpudem.errors import SimulationError
 from gpudem.output.vtu import Frame
 from gpudem.scene import Scene
@@ -90,6 +91,7 @@ class Solver:
         self._motion, self._meshes = WallMotion(scene, self.chunk), MeshTables(scene, self.state)
         self.walls: Any = None
         self._walls_at = 0
+        self._meshes_present: list[str] = []
         self.compile_s = self._compile()
         if self.spec.half_list:
             require_serial_launches()
@@ -122,26 +124,30 @@ class Solver:
         laws = laws_struct(self.spec)()
         Pair = type(laws.pair)
 
-        def entries(partners: list[str]) -> list[Any]:
+        def entries(partners: list[tuple[str, tuple[Law, ...]]]) -> list[Any]:
             found = []
-            for partner in partners:
+            for partner, laws_of in partners:
                 for name in scene.particle_materials:
                     entry = Pair()
-                    for field, value in pair_coefficients(
-                        self.spec.laws, scene.inputs(name, partner)
-                    ).items():
+                    for field, value in pair_coefficients(laws_of, scene.inputs(name, partner)).items():
                         setattr(entry, field, value)
                     found.append(entry)
             return found
 
-        def table(partners: list[str]) -> Any:
+        def table(partners: list[tuple[str, tuple[Law, ...]]]) -> Any:
             return wp.array(entries(partners), dtype=laws_struct(self.spec).vars["pair"].type, device=device)
 
-        laws.pair = entries(scene.particle_materials[:1])[0]
+        usual, own = self.spec.laws, scene.wall_laws
+        ours = [(name, usual) for name in scene.particle_materials]
+        laws.pair = entries(ours[:1])[0]
         if self.spec.multi_material:
-            laws.pairs = table(scene.particle_materials)
+            laws.pairs = table(ours)
         if scene.wall_elements:
-            laws.wall_pairs = table([wall.material for wall in scene.wall_elements])
+            walls = scene.wall_elements
+            # mutate: laws_of_wall_coefficients
+            laws.wall_pairs = table(
+                [(w.material, own[w.name].laws if w.name in own else usual) for w in walls]
+            )
         return laws
 
     def _choose_order(self, position: np.ndarray) -> None:
@@ -173,7 +179,10 @@ class Solver:
             bodies: Any = self.state.now.numpy()
             self._choose_order(bodies["position"])
             self.pool.partition(self.params.block)  # mutate: slices_of_new_blocks
+        before = self._meshes_present
         self._set_walls(walls)
+        if self.step_count > 0 and self.spec.meshes == "liggghts" and self._meshes_present != before:
+            self._forget_triangles()  # mutate: springs_of_other_meshes
         self._move_walls(self.step_count)
         self._rebuild()
         self._launch(SETUP | (WRITE if write else 0))
@@ -226,10 +235,20 @@ class Solver:
     def _set_walls(self, present: list[Wall] | None) -> None:
         """Walls that get into contact from now on; all of them by default."""
         here = self.scene.wall_elements if present is None else present
+        self._meshes_present = [wall.name for wall in here if wall in self.scene.meshes]
         self.walls = wall_table(self.state, self.scene, self.chunk, here)
         self._meshes.attach(self.walls)
         self._invalidate_launches()
         self.neighbors.set_walls(self.walls)
+
+    def _forget_triangles(self) -> None:
+        """LIGGGHTS loses the springs of all meshes where one comes or goes: it states their wall anew."""
+        neighbor = self.state.particles.neighbor
+        entries = neighbor.numpy().copy()
+        partner = -entries - 1
+        lost = (entries < 0) & (partner >= self.state.n + self.state.walls)
+        entries[lost] = partner[lost]
+        neighbor.assign(entries)
 
     def _move_walls(self, step: int) -> None:
         """Puts moving walls where they are in `step`, the next launch's, and in those after it."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING
 
-from gpudem.contact import registry
 from gpudem.contact.coefficients import coefficient_names
 from gpudem.contact.law import Law
+from gpudem.scene.laws import LawNames
 from gpudem.scene.size_classes import class_radii
 
 if TYPE_CHECKING:
@@ -23,6 +23,8 @@ class Spec:
     tangential: str = "off"
     """Name of a tangential law, or "off"."""
     rolling: str = "off"
+    wall_laws: tuple[LawNames, ...] = ()
+    """The laws of walls that have others than particles."""
     limit_force: bool = False
     integrator: str = "half_step"
     """"half_step" or "path"."""
@@ -52,9 +54,8 @@ class Spec:
         needs = scene.needs
         return cls(
             precision=scene.solver.precision,
-            normal=scene.contact.normal,
-            tangential=scene.contact.tangential if needs.tangential else "off",
-            rolling=scene.contact.rolling if needs.rolling else "off",
+            **scene.acting_laws._asdict(),
+            wall_laws=tuple(dict.fromkeys(scene.wall_laws.values())),
             limit_force=scene.contact.limit_force,
             # without damping or friction no force depends on velocity: both integrators are the same
             integrator=scene.solver.integrator if needs.damping or needs.tangential else "half_step",
@@ -87,14 +88,18 @@ class Spec:
 
     @property
     def laws(self) -> tuple[Law, ...]:
-        """The laws in use, in order of the slots."""
-        slots = zip(registry.SLOTS, (self.normal, self.tangential, self.rolling), strict=True)
-        return tuple(law for slot, name in slots if (law := registry.find(slot, name)) is not None)
+        """The laws between particles, in order of the slots."""
+        return self.law_names[0].laws
+
+    @property
+    def law_names(self) -> tuple[LawNames, ...]:
+        """The laws between particles, and those of walls that have others."""
+        return (LawNames(self.normal, self.tangential, self.rolling), *self.wall_laws)
 
     @property
     def coefficients(self) -> tuple[str, ...]:
         """Fields of the device struct `Pair`."""
-        return coefficient_names(self.laws)
+        return coefficient_names(law for names in self.law_names for law in names.laws)
 
     @property
     def path(self) -> bool:
@@ -109,14 +114,12 @@ class Spec:
     @property
     def spring_history(self) -> bool:
         """Shear springs are stored from step to step."""
-        law = registry.find("tangential", self.tangential)
-        return law is not None and law.history  # type: ignore[attr-defined]
+        return any(names.history for names in self.law_names)
 
     @property
     def rolling_history(self) -> bool:
         """Rolling torques are stored from step to step."""
-        law = registry.find("rolling", self.rolling)
-        return law is not None and law.history  # type: ignore[attr-defined]
+        return any(names.rolling_history for names in self.law_names)
 
     @property
     def contact_history(self) -> bool:

@@ -102,6 +102,7 @@ def _walls_struct(wide: Any, wide3: Any) -> Any:
     class Walls:
         present: wp.array[wp.int32]  # the walls that are there, ascending
         kind: wp.array[wp.int32]  # position of its kind in Spec.walls, -1: a mesh, (m,)
+        law: wp.array[wp.int32]  # 0: the laws between particles, k: those k of Spec.wall_laws, from 1, (m,)
         direction: wp.array[wide3]  # normal of a plane, axis, ...: the kind says, (m,)
         point: wp.array[wide3]  # [m], (m,)
         size: wp.array[wide3]  # [m], (m,)

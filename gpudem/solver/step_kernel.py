@@ -22,7 +22,13 @@ import warp as wp
 from gpudem.contact.types import pair_struct
 from gpudem.solver.arrays import access
 from gpudem.solver.body import body_reader, body_struct, body_writer
-from gpudem.solver.geometry import contact_geometry, contact_procedure, conversions, nearest_image
+from gpudem.solver.geometry import (
+    contact_geometry,
+    contact_procedure,
+    conversions,
+    nearest_image,
+    wall_procedure,
+)
 from gpudem.solver.mesh_contacts import mesh_contacts, triangle_apart
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import structs
@@ -276,7 +282,8 @@ def step_kernel(spec: Spec) -> Any:
     )
     to_real, to_wide = convert.to_real, convert.to_wide
     sphere_contact, wall_contact = geometry.sphere_contact, geometry.wall_contact
-    resolve, damping_apart = procedure.resolve, procedure.damping_apart
+    resolve, damping_apart, at_wall = procedure.resolve, procedure.damping_apart, wall_procedure(spec)
+    resolve_at_wall, damping_at_wall = at_wall.resolve, at_wall.damping_apart
     nearest = nearest_image(spec.periodic, spec.precision)
     surface = element_surface(spec) if spec.has_walls else None
     velocity_of_wall = wall_frame(spec).velocity
@@ -380,14 +387,15 @@ def step_kernel(spec: Spec) -> Any:
                     if wp.static(spec.path):
                         if not (mode & SETUP):
                             c = wall_contact(gap, normal, radius, mass, w)
-                            # mutate: wall_edge_force
-                            force += damping_apart(c, v - v_wall, v_next - v_wall, wall_pair, dt)
+                            f = damping_at_wall(c, v - v_wall, v_next - v_wall, wall_pair, dt, walls, wall)
+                            force += f  # mutate: wall_edge_force
                     continue
                 c = wall_contact(gap, normal, radius, mass, w)
                 # mutate: wall_forces
-                f, n_cross_ft, spring, rolling = resolve(
+                f, n_cross_ft, spring, rolling = resolve_at_wall(
                     c, v - v_wall, v_next - v_wall, w, w_next, wide3(), wide3(), real(0.0), wall_pair,
                     spring_of(particles, k, entry), rolling_of(particles, k, entry), dt, params.dt,
+                    walls, wall,
                 )  # fmt: skip
                 force += f  # mutate: sum_over_walls
                 torque -= c.lever * n_cross_ft + rolling  # mutate: wall_torque

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from gpudem.contact import registry
 from gpudem.contact.law import Law, LiggghtsWords
 from gpudem.scene import Pair, Scene
+from gpudem.scene.laws import LawNames, stated_laws
+from gpudem.scene.walls import Wall
 
 
 def words_of(law: Law) -> LiggghtsWords:
@@ -15,25 +17,39 @@ def words_of(law: Law) -> LiggghtsWords:
     return law.liggghts
 
 
-def model(scene: Scene) -> str:
-    """The words between `pair_style gran model` and the switches; walls get the same.
+def model(scene: Scene, wall: Wall | None = None) -> str:
+    """The words between `model` and the switches, of `pair_style gran` (None) or of a wall.
 
     Without friction: `no_history` with mu = 0, which is zero tangential force, bit for bit the same as no
     tangential model, but compiled in (a quarter faster). `history` with mu = 0 would not do: at each set-up
-    LIGGGHTS applies its tangential dashpot without regard to mu.
+    LIGGGHTS applies its tangential dashpot without regard to mu. A slot that is not named is off: so it is
+    where the pairs do have friction and the law of their contacts is "off".
     """
-    tangential = scene.contact.tangential if scene.needs.tangential else "no_history"
-    words = [words_of(scene.normal_law).word, "tangential"]
-    words.append(words_of(registry.law("tangential", tangential)).word)
-    if scene.needs.rolling:
-        words += ["rolling_friction", words_of(registry.law("rolling", scene.contact.rolling)).word]
+    names = laws_of(scene, wall)
+    words, tangential = [words_of(names.normal_law).word], names.tangential
+    if tangential == registry.OFF and not (scene.needs.tangential and _friction(scene, wall)):
+        tangential = "no_history"
+    if tangential != registry.OFF:
+        words += ["tangential", words_of(registry.law("tangential", tangential)).word]
+    if names.rolling != registry.OFF:
+        words += ["rolling_friction", words_of(registry.law("rolling", names.rolling)).word]
     return " ".join(words)
 
 
-def switches(scene: Scene) -> str:
+def laws_of(scene: Scene, wall: Wall | None) -> LawNames:
+    """The laws that act between particles, or at a wall."""
+    return scene.acting_laws if wall is None else scene.wall_laws.get(wall.name, scene.acting_laws)
+
+
+def _friction(scene: Scene, wall: Wall | None) -> bool:
+    """Whether a pair has friction whose contacts have the laws of particles, or those of a wall."""
+    return any(pair.pair.friction > 0 for pair in scene.contact_groups[stated_laws(scene, wall)])
+
+
+def switches(scene: Scene, wall: Wall | None = None) -> str:
     """Settings of the contact model; on a wall they must come after the `primitive` words."""
     words = ["limitForce on"] if scene.contact.limit_force else []
-    if scene.needs.tangential and not scene.contact.tangential_damping:
+    if laws_of(scene, wall).tangential != registry.OFF and not scene.contact.tangential_damping:
         words.append("tangential_damping off")
     return " ".join(words)
 
@@ -63,11 +79,14 @@ def properties(scene: Scene) -> list[tuple[str, str]]:
             else:
                 found.append((name, f"scalar {value(scene.contact)!r}"))
 
-    of_law(scene.normal_law)
+    groups = (scene.acting_laws, *scene.wall_laws.values())
+    for names in groups:
+        of_law(names.normal_law)
     per_pair("coefficientFriction", lambda p: p.friction if scene.needs.tangential else 0.0, 0.0)
-    if scene.needs.rolling:
-        of_law(registry.law("rolling", scene.contact.rolling))
-    return found
+    for name in {names.rolling: None for names in groups}:
+        if name != registry.OFF:
+            of_law(registry.law("rolling", name))
+    return list(dict(found).items())  # several laws read the same ones
 
 
 def _pair_value(scene: Scene, a: str, b: str, value: Callable[[Pair], float], filler: float) -> float:

@@ -12,10 +12,11 @@ import functools
 import hashlib
 import math
 from pathlib import Path
+from typing import Any
 
 from gpudem.extras import from_extra
-from gpudem.scene import Plane, Scene
-from reference.liggghts import limits
+from gpudem.scene import Scene
+from reference.liggghts import limits, walls
 from reference.liggghts.contact_model import model, properties, switches
 from reference.liggghts.decomposition import processors
 
@@ -41,7 +42,7 @@ class Segment:
     last: int
     """Step at its end."""
     walls: tuple[str, ...]
-    """Names of the planes present."""
+    """Names of the walls present."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,11 +54,20 @@ class Deck:
     data: str
     """Particles (particles.data), 17 digits."""
     segments: tuple[Segment, ...]
+    meshes: dict[str, str] = dataclasses.field(default_factory=dict)
+    """Name and text of the file of each mesh (STL), 17 digits."""
 
     @functools.cached_property
     def hash(self) -> str:
-        """SHA-256 over commands and particles; knows no directory, no scene name, no title."""
-        return hashlib.sha256(f"{self.text}\0{self.data}".encode()).hexdigest()
+        """SHA-256 over commands, particles and meshes; knows no directory, no scene name, no title."""
+        parts = (self.text, self.data, *(f"{name}\0{text}" for name, text in self.meshes.items()))
+        return hashlib.sha256("\0".join(parts).encode()).hexdigest()
+
+    def write(self, directory: Path) -> None:
+        """Write all files that the commands read, and the folder of raw dumps. Raises OSError."""
+        (directory / RAW).mkdir(parents=True, exist_ok=True)
+        for name, text in {DECK: self.text, DATA: self.data, **self.meshes}.items():
+            (directory / name).write_text(text)
 
 
 def render(scene: Scene, ranks: int = 1) -> Deck:
@@ -67,10 +77,11 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         LiggghtsCannotState: naming every item of the scene that LIGGGHTS has no words for.
     """
     limits.check(scene)
-    segments = tuple(Segment(a, b, tuple(p.name for p in planes)) for a, b, planes in scene.segments)
+    segments = tuple(Segment(a, b, tuple(w.name for w in present)) for a, b, present in scene.segments)
     facts = {
         "scene": scene, "needs": scene.needs, "segments": segments,
-        "planes": [_plane(scene, p) for p in scene.planes],
+        "primitives": walls.primitives(scene), "changes": walls.changes(scene),
+        **_of_meshes(scene, segments[0]),
         "boundary": " ".join("p" if p else "f" for p in scene.domain.periodic),
         "soft": any(m.young < SOFT for m in scene.materials.values()),
         "properties": properties(scene), "model": model(scene), "switches": switches(scene),
@@ -85,6 +96,7 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "particles",
         "materials",
         "contact",
+        "meshes",
         "walls",
         "gravity",
         "integration",
@@ -94,11 +106,25 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
     sections += ["trace", "run"]
     present = {
         "walls": scene.needs.walls,
+        "meshes": bool(scene.meshes),
         "gravity": scene.needs.gravity,
         "trace": scene.output.trace_every is not None,
     }
     text = [_environment().get_template(f"{s}.j2").render(facts) for s in sections if present.get(s, True)]
-    return Deck("".join(text), data(scene), segments)
+    files = {walls.mesh_file(mesh.name): walls.stl(mesh) for mesh in scene.meshes}
+    return Deck("".join(text), data(scene), segments, files)
+
+
+def _of_meshes(scene: Scene, first: Segment) -> dict[str, Any]:
+    """What the templates read of the meshes of a scene, if there are any."""
+    if not scene.meshes:
+        return {"meshes": [], "first_meshes": [], "count_mesh_contacts": False}
+    return {
+        "count_mesh_contacts": walls.same_meshes(scene),
+        "meshes": walls.meshes(scene), "curvature": scene.contact.mesh_curvature,
+        "first_meshes": [mesh.name for mesh in scene.meshes if mesh.name in first.walls],
+        "mesh_model": model(scene, scene.meshes[0]), "mesh_switches": switches(scene, scene.meshes[0]),
+    }  # fmt: skip
 
 
 def history_columns(scene: Scene) -> list[str]:
@@ -115,7 +141,8 @@ def history_columns(scene: Scene) -> list[str]:
         "touches",
     ]
     columns += ["rotational_energy"] if scene.needs.rotation else []
-    return columns + [f"touch_{p.name}" for p in scene.planes]
+    columns += [f"touch_{name}" for name in walls.primitives(scene)]
+    return columns + (["mesh_contacts"] if walls.same_meshes(scene) else [])
 
 
 def thermo_stride(scene: Scene) -> int:
@@ -125,21 +152,6 @@ def thermo_stride(scene: Scene) -> int:
     if stride is None:
         return wanted
     return max(d for d in range(1, min(stride, wanted) + 1) if stride % d == 0)
-
-
-def _plane(scene: Scene, plane: Plane) -> dict[str, object]:
-    """A plane across an axis in LIGGGHTS' words.
-
-    LIGGGHTS' planes act on both sides: the facing is only for counting contacts.
-    """
-    k = next(k for k in range(3) if plane.normal[k] != 0)
-    return {
-        "name": plane.name,
-        "type": scene.material_index[plane.material] + 1,
-        "axis": "xyz"[k],
-        "at": plane.point[k],
-        "facing": 1 if plane.normal[k] > 0 else -1,
-    }
 
 
 def box(scene: Scene) -> list[tuple[float, float]]:
@@ -184,5 +196,5 @@ def _environment() -> jinja2.Environment:
         loader=jinja2.FileSystemLoader(folder), undefined=jinja2.StrictUndefined,
         trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True, autoescape=False,
     )  # fmt: skip
-    environment.filters["number"] = lambda value: repr(float(value))  # shortest text that reads back exactly
+    environment.filters["number"] = walls.number
     return environment

@@ -19,7 +19,7 @@ from gpudem.scene import Scene
 from reference.liggghts import binary as program
 from reference.liggghts import dump
 from reference.liggghts.console import Console
-from reference.liggghts.deck import DATA, DECK, LOG, RAW, TRACE, Deck, Segment, render
+from reference.liggghts.deck import LOG, TRACE, Deck, Segment, render
 from reference.liggghts.runner import command, environment, execute
 
 #: Wall-clock limit of a run that nobody watches [s].
@@ -113,9 +113,7 @@ def run(
 
 def _blindly(deck: Deck, directory: Path, binary: str) -> tuple[Console, int]:
     """Run to whatever end; (what was printed, exit status)."""
-    (directory / RAW).mkdir(parents=True, exist_ok=True)
-    (directory / DECK).write_text(deck.text)
-    (directory / DATA).write_text(deck.data)
+    deck.write(directory)
     try:
         with environment(1) as variables:
             done = subprocess.run(

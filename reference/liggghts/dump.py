@@ -132,7 +132,8 @@ def history(scene: Scene, blocks: list[list[str]]) -> pandas.DataFrame | None:
     """Thermo rows -> HISTORY_COLUMNS, one row for each multiple of the history interval.
 
     A gate removal ends one `run` and starts another, which prints the same step again with the gate gone:
-    the row BEFORE the new set-up is kept. `contacts` = particle-particle plus particle-wall contacts;
+    the row BEFORE the new set-up is kept. `contacts` = particle-particle plus particle-wall contacts, left
+    out where meshes come or go (`walls.same_meshes`);
     potential energy = - sum(m) g . centre [J]. Raises LiggghtsOutputError where a row is missing or broken.
     """
     import pandas
@@ -142,14 +143,16 @@ def history(scene: Scene, blocks: list[list[str]]) -> pandas.DataFrame | None:
         return None
     names = history_columns(scene)
     parts = []
-    for (_, _, planes), rows in zip(scene.segments, blocks, strict=True):
+    for (_, _, present), rows in zip(scene.segments, blocks, strict=True):
         try:
             table = (
                 np.array([row.split() for row in rows], dtype="S").astype(np.float64).reshape(-1, len(names))
             )
         except ValueError as error:
             raise LiggghtsOutputError(f"thermo rows are not {len(names)} numbers each: {error}") from None
-        walls = sum(table[:, names.index(f"touch_{p.name}")] for p in planes)
+        counted = [f"touch_{w.name}" for w in present if f"touch_{w.name}" in names]
+        counted += ["mesh_contacts"] if "mesh_contacts" in names else []
+        walls = sum(table[:, names.index(name)] for name in counted)
         # LIGGGHTS counts a contact of two particles at both
         parts.append(np.column_stack([table, table[:, names.index("touches")] / 2 + walls]))
     rows = np.concatenate(parts)
@@ -165,7 +168,9 @@ def history(scene: Scene, blocks: list[list[str]]) -> pandas.DataFrame | None:
     column["potential_energy"] = -_mass(scene) * (centre @ np.array(scene.gravity))
     column["contacts"] = column["contacts"].round().astype(np.int64)
     column.setdefault("rotational_energy", np.zeros(len(rows)))
-    return pandas.DataFrame({name: column[name] for name in HISTORY_COLUMNS})
+    if scene.meshes and "mesh_contacts" not in names:
+        del column["contacts"]
+    return pandas.DataFrame({name: column[name] for name in HISTORY_COLUMNS if name in column})
 
 
 def _mass(scene: Scene) -> float:

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from gpudem.scene import Pair, Plane, Scene
+from gpudem.scene.laws import acting
+from gpudem.scene.mesh import Mesh
+from gpudem.scene.walls import Wall
+from reference.liggghts.contact_model import laws_of
 from reference.liggghts.errors import LiggghtsCannotState
+from reference.liggghts.walls import MOTIONS, same_meshes
 
 #: LIGGGHTS: `ERROR: 0.05 < coefficientRestitution <= 1 required` (fix property/global, SI units).
 MIN_RESTITUTION = 0.05
@@ -15,57 +22,132 @@ def warnings(scene: Scene) -> list[str]:
     """What LIGGGHTS does otherwise than the scene says, one sentence each.
 
     Its tangential law `history` applies the dashpot at each set-up without regard to friction, and one deck
-    cannot give some pairs of particles another tangential law (pair_style hybrid of two `gran` crashes).
+    cannot give some pairs of particles another tangential law (pair_style hybrid of two `gran` crashes). Its
+    rule of mesh contacts is its own.
     """
+    found = []
+    if scene.meshes and scene.contact.mesh_contacts != "liggghts":
+        found.append(
+            f"contact.mesh_contacts = {scene.contact.mesh_contacts!r}: LIGGGHTS has a rule of its own, which"
+            " depends on the order of the triangles; mesh_contacts = 'liggghts' has gpudem follow it"
+        )
+    if scene.meshes and not same_meshes(scene) and scene.output.history_every is not None:
+        found.append(
+            "history column 'contacts' is left out: LIGGGHTS cannot count contacts with meshes that come"
+            " or go"
+        )
     contact = scene.contact
     at_setup = scene.needs.history and contact.tangential_damping and not contact.frictionless_dashpot
-    without = [p for p in scene.contact_pairs if p.friction == 0] if at_setup else []
-    if not without or not (scene.needs.gate or scene.start_overlap > 0):
-        return []
-    names = ", ".join(" / ".join(pair.materials) for pair in without)
-    return [
-        f"pairs {names}: friction = 0 beside pairs with friction: LIGGGHTS applies its tangential dashpot"
-        " to their contacts at each set-up; contact.frictionless_dashpot = true does so in gpudem"
-    ]
+    groups = scene.contact_groups.items()
+    with_history = [pairs for names, pairs in groups if acting(names, pairs).history]
+    without = [p.pair for pairs in with_history for p in pairs if p.pair.friction == 0] if at_setup else []
+    if without and (scene.needs.gate or scene.start_overlap > 0):
+        names = ", ".join(dict.fromkeys(" / ".join(pair.materials) for pair in without))
+        found.append(
+            f"pairs {names}: friction = 0 beside pairs with friction: LIGGGHTS applies its tangential dashpot"
+            " to their contacts at each set-up; contact.frictionless_dashpot = true does so in gpudem"
+        )
+    return found
 
 
 def check(scene: Scene) -> None:
     """Raises LiggghtsCannotState listing every item of the scene that LIGGGHTS cannot state."""
-    found = [_restitution(p) for p in scene.contact_pairs if _too_inelastic(scene, p)]
-    found += [
-        f"contact.{law.slot} = {law.name!r}: LIGGGHTS has no such law"
-        for law in scene.laws
-        if law.liggghts is None
-    ]
-    found += [
-        f"walls.{wall.name}.kind = {wall.kind!r}: LIGGGHTS gets planes only"
-        for wall in scene.wall_elements
-        if wall.kind != "plane"
-    ]
-    found += [_tilted(p) for p in scene.planes if sum(c != 0 for c in p.normal) != 1]
-    found += [
-        f"walls.{p.name}.vibration: LIGGGHTS has no saw-tooth motion of a plane"
-        for p in scene.planes
-        if p.vibration
-    ]
-    speed = scene.contact.characteristic_velocity
-    if (
-        "characteristic_velocity" in scene.normal_law.reads
-        and speed is not None
-        and speed < MIN_CHARACTERISTIC_VELOCITY
-    ):
-        found.append(
-            f"contact.characteristic_velocity = {speed:g} m/s: LIGGGHTS wants at least"
-            f" {MIN_CHARACTERISTIC_VELOCITY:g} m/s"
-        )
+    found = [*_pairs(scene), *_laws(scene)]
+    for wall in scene.wall_elements:
+        if isinstance(wall, Plane):
+            found += [f"walls.{wall.name}{problem}" for problem in _plane(wall)]
+        elif isinstance(wall, Mesh):
+            found += [f"walls.{wall.name}{problem}" for problem in _mesh(wall)]
+        elif wall.kind == "cylinder":
+            found += [f"walls.{wall.name}{problem}" for problem in _cylinder(wall)]
+        else:
+            found.append(
+                f"walls.{wall.name}.kind = {wall.kind!r}: LIGGGHTS gets planes, endless cylinders and meshes"
+            )
+    found += _laws_of_meshes(scene)
     if found:
         raise LiggghtsCannotState(
             "\n".join(["LIGGGHTS cannot state this scene:", *(f"  - {f}" for f in found)])
         )
 
 
-def _too_inelastic(scene: Scene, pair: Pair) -> bool:
-    return "restitution" in scene.normal_law.reads and pair.restitution <= MIN_RESTITUTION
+def _pairs(scene: Scene) -> Iterator[str]:
+    reads = {key for names in scene.contact_groups for key in names.normal_law.reads}
+    groups = scene.contact_groups.items()
+    damped = [p.pair for names, pairs in groups for p in pairs if "restitution" in names.normal_law.reads]
+    for pair in dict.fromkeys(id(p) for p in damped if p.restitution <= MIN_RESTITUTION):
+        yield _restitution(next(p for p in damped if id(p) == pair))
+    speed = scene.contact.characteristic_velocity
+    if "characteristic_velocity" in reads and speed is not None and speed < MIN_CHARACTERISTIC_VELOCITY:
+        yield (
+            f"contact.characteristic_velocity = {speed:g} m/s: LIGGGHTS wants at least"
+            f" {MIN_CHARACTERISTIC_VELOCITY:g} m/s"
+        )
+
+
+def _laws(scene: Scene) -> Iterator[str]:
+    for law in scene.laws:
+        if law.liggghts is None:
+            yield f"contact.{law.slot} = {law.name!r}: LIGGGHTS has no such law"
+
+
+def _plane(plane: Plane) -> Iterator[str]:
+    """What LIGGGHTS has no words for, after the name of the plane."""
+    if sum(c != 0 for c in plane.normal) != 1:
+        yield (
+            f": normal {plane.normal}: LIGGGHTS has planes across x, y or z only"
+            " (a tilted wall would need a mesh); tilt gravity instead"
+        )
+    if plane.vibration:
+        yield ".vibration: LIGGGHTS has no saw-tooth motion of a plane"
+    if plane.motion:
+        yield ".motion: LIGGGHTS moves meshes only; state the plane as a mesh"
+    belt = plane.surface_velocity
+    if belt is not None:
+        along = [k for k in range(3) if belt[k] != 0]
+        if len(along) != 1 or plane.normal[along[0]] != 0:
+            yield (
+                f".surface_velocity = {belt} m/s: LIGGGHTS moves the surface of a plane along one axis in it"
+                " only; state the plane as a mesh"
+            )
+
+
+def _cylinder(wall: Wall) -> Iterator[str]:
+    """What LIGGGHTS has no words for, after the name of the cylinder."""
+    axis, _, (_, length, _) = wall.shape()
+    if length > 0:
+        yield f".length = {length:g} m: LIGGGHTS has endless cylinders only; state it as a mesh"
+    if sum(c != 0 for c in axis) != 1:
+        yield f".axis: {axis}: LIGGGHTS has cylinders along x, y or z only; state it as a mesh"
+    if wall.motion:
+        yield (
+            ".motion: LIGGGHTS moves meshes only; the surface of a cylinder that slides along its axis is"
+            " surface_velocity, one that turns gets the wrong speed there, omega times the distance of the"
+            " particle's center from the axis; state it as a mesh"
+        )
+    belt = wall.surface_velocity
+    if belt is not None and any(b != 0 and a == 0 for a, b in zip(axis, belt, strict=True)):
+        yield f".surface_velocity = {belt} m/s: LIGGGHTS moves the surface of a cylinder along its axis only"
+
+
+def _mesh(mesh: Mesh) -> Iterator[str]:
+    """What LIGGGHTS has no words for, after the name of the mesh."""
+    if mesh.motion and mesh.surface_velocity is not None:
+        yield ".surface_velocity: LIGGGHTS has no belt on a mesh that moves"
+    for k, motion in enumerate(mesh.motion):
+        if not isinstance(motion, MOTIONS):
+            yield f".motion[{k}].type = {motion.type!r}: LIGGGHTS has no such motion"
+
+
+def _laws_of_meshes(scene: Scene) -> Iterator[str]:
+    """One deck has one wall of meshes, and so one law for all of them."""
+    usual = [laws_of(scene, mesh) for mesh in scene.meshes]
+    for mesh, names in zip(scene.meshes, usual, strict=True):
+        if names != usual[0]:
+            yield (
+                f"walls.{mesh.name}.contact: LIGGGHTS has one contact law for all meshes; that of"
+                f" {scene.meshes[0].name} is another one"
+            )
 
 
 def _restitution(pair: Pair) -> str:
@@ -73,11 +155,4 @@ def _restitution(pair: Pair) -> str:
     return (
         f"pairs {names}: restitution = {pair.restitution:g}:"
         f" LIGGGHTS wants {MIN_RESTITUTION:g} < restitution <= 1"
-    )
-
-
-def _tilted(plane: Plane) -> str:
-    return (
-        f"walls.{plane.name}: normal {plane.normal}: LIGGGHTS has planes across x, y or z only"
-        " (a tilted wall would need a mesh); tilt gravity instead"
     )

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from gpudem.extras import from_extra
 from reference.liggghts.console import Console
-from reference.liggghts.deck import DATA, DECK, LOG, RAW, Deck
+from reference.liggghts.deck import DECK, LOG, Deck
 from reference.liggghts.errors import LiggghtsFailed, LiggghtsNotStarted, LiggghtsTimeout
 
 #: Time between SIGTERM and SIGKILL [s].
@@ -69,9 +69,7 @@ def execute(
         LiggghtsTimeout: not done within `timeout`.
     """
     try:
-        (directory / RAW).mkdir(parents=True, exist_ok=True)
-        (directory / DECK).write_text(deck.text)
-        (directory / DATA).write_text(deck.data)
+        deck.write(directory)
         log = open(directory / LOG, "w", errors="replace")
     except OSError as error:
         raise LiggghtsFailed(f"{directory}: cannot be written: {error}") from error

@@ -35,13 +35,16 @@ def history_stride(scene: Scene) -> int | None:
 def facts(scene: Scene) -> contract.SceneFacts:
     """A scene in the words of the contract.
 
-    Raises CannotState: a wall of a kind that the contract does not have.
+    Raises CannotState: a wall of a kind, or with a property, that the contract does not have.
     """
     other = [wall for wall in scene.wall_elements if not isinstance(wall, Plane)]
     if other:
         raise CannotState(
             f"walls.{other[0].name}: kind {other[0].kind!r} is not in scene.json, which has planes"
         )
+    for wall in scene.wall_elements:
+        for key in wall.given_keys("contact", "motion", "surface_velocity", "present"):
+            raise CannotState(f"walls.{wall.name}.{key}: scene.json has no such property of a wall")
     state, steps = scene.state, wanted_steps(scene)
     names = list(scene.materials)
     return contract.SceneFacts(

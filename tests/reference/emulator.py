@@ -31,6 +31,8 @@ class Flat:
     """Of length one, towards the particles."""
     last: float
     """Last step [1] in which it is there; infinite for a wall that stays."""
+    own: tuple[tuple[str, str], ...] = ()
+    """(slot, law) where it has another contact law than the particles."""
 
 
 def flats(scene: Scene) -> list[Flat]:
@@ -41,8 +43,9 @@ def flats(scene: Scene) -> list[Flat]:
         if facts["kind"] == "plane":
             normal = np.array(facts["normal"]) / np.linalg.norm(facts["normal"])
             last = math.inf if facts["removed_at"] is None else np.rint(facts["removed_at"] / scene.time.step)
+            own = tuple((slot, name) for slot, name in (facts["contact"] or {}).items() if name)
             found.append(
-                Flat(facts["name"], facts["material"], np.array(facts["point"]), normal, float(last))
+                Flat(facts["name"], facts["material"], np.array(facts["point"]), normal, float(last), own)
             )
             continue
         for side in facts["sides"]:
@@ -68,11 +71,18 @@ def steps_and_stride(scene: Scene) -> tuple[int, int]:
     return total, max(1, nearest(trace)) if trace else 1
 
 
-def any_pair_with(scene: Scene, name: str) -> bool:
-    """Whether a pair of materials that can meet in this scene has a property above 0."""
+def laws_of(scene: Scene, plane: Flat | None) -> dict[str, str]:
+    """Slot -> law, between spheres (None) or at a plane."""
+    usual = {slot: getattr(scene.contact, slot) for slot in ("normal", "tangential", "rolling")}
+    return usual | dict(plane.own if plane else ())
+
+
+def any_pair_with(scene: Scene, name: str, laws: dict[str, str]) -> bool:
+    """Whether a pair of materials that can meet under these laws has a property above 0."""
     names = list(scene.materials)
     balls = {names[k] for k in scene.state.material.tolist()}
-    others = balls | {flat.material for flat in flats(scene)}
+    others = balls if laws == laws_of(scene, None) else set()
+    others = others | {flat.material for flat in flats(scene) if laws_of(scene, flat) == laws}
     return any(
         getattr(p, name) > 0 and any(a in balls and b in others for a, b in (p.materials, p.materials[::-1]))
         for p in scene.pairs
@@ -99,8 +109,10 @@ class Contacts:
     """Tangential displacement s of i against j [m], shape (rows, 3)."""
     rolling: np.ndarray
     """Rolling torque kept by `epsd2` [N m], shape (rows, 3)."""
+    laws: dict[str, str]
+    """Law of each slot."""
     frictional: bool
-    """Whether the tangential law acts at all: one pair that can meet in the scene has friction."""
+    """Whether the tangential law acts at all: one pair that can meet under these laws has friction."""
 
     def of(self, name: str) -> np.ndarray:
         """A pair property, one value per row."""
@@ -161,7 +173,7 @@ def _contacts(scene: Scene, i, j, plane: Flat | None) -> Contacts:
         scene.state,
         _mass(scene),
     )
-    a = state.material[i]
+    a, laws = state.material[i], laws_of(scene, plane)
     b = state.material[j] if plane is None else np.full(len(i), scene.material_index[plane.material])
     e, nu = np.array([m.young for m in materials]), np.array([m.poisson for m in materials])
     together = lambda q: q[i] * q[j] / (q[i] + q[j]) if plane is None else q[i]  # noqa: E731
@@ -171,7 +183,7 @@ def _contacts(scene: Scene, i, j, plane: Flat | None) -> Contacts:
         shear=1 / (2 * (2 - nu[a]) * (1 + nu[a]) / e[a] + 2 * (2 - nu[b]) * (1 + nu[b]) / e[b]),
         pair=[scene.pair(names[p], names[q]) for p, q in zip(a, b, strict=True)],
         spring=np.zeros((len(i), 3)), rolling=np.zeros((len(i), 3)),
-        frictional=scene.contact.tangential != "off" and any_pair_with(scene, "friction"),
+        laws=laws, frictional=laws["tangential"] != "off" and any_pair_with(scene, "friction", laws),
     )  # fmt: skip
 
 
@@ -187,7 +199,7 @@ def _coefficients(scene: Scene, c: Contacts, overlap: np.ndarray) -> tuple[np.nd
     """kn, kt [N/m], cn, ct [N s/m] at an overlap [m]."""
     q = np.sqrt(c.radius * overlap)
     damping = scene.contact.tangential_damping
-    if scene.contact.normal == "hertz/stiffness":
+    if c.laws["normal"] == "hertz/stiffness":
         return (
             q * c.of("kn"),
             q * c.of("kt"),
@@ -196,7 +208,7 @@ def _coefficients(scene: Scene, c: Contacts, overlap: np.ndarray) -> tuple[np.nd
         )
     log_e = np.log(c.of("restitution"))
     beta = log_e / np.sqrt(log_e**2 + math.pi**2)
-    if scene.contact.normal == "hooke":
+    if c.laws["normal"] == "hooke":
         speed = scene.contact.characteristic_velocity
         kn = 16 / 15 * np.sqrt(c.radius) * c.young
         kn = kn * (15 * c.mass * speed**2 / (16 * np.sqrt(c.radius) * c.young)) ** 0.2
@@ -249,7 +261,7 @@ def _add_contacts(scene: Scene, c: Contacts, x, v, w, f, t, update: bool) -> Non
         turning = (arm_i / (scene.state.radius[i] - overlap))[:, None] * w[i]
     else:
         turning = w[i] - w[j]
-    if scene.contact.rolling == "epsd2":
+    if c.laws["rolling"] == "epsd2":
         resist = _rolling_spring(scene, c, touching, n, kt, np.abs(fn), turning, update)
     else:
         resist = _rolling(scene, c, touching, n, kn * overlap, turning)
@@ -264,7 +276,7 @@ def _tangential(scene, c, touching, n, vt, kt, ct, limit, update: bool) -> np.nd
     """Tangential force on i [N]; `limit` = mu |Fn|."""
     if not c.frictional:
         return np.zeros_like(vt)
-    if scene.contact.tangential == "no_history":
+    if c.laws["tangential"] == "no_history":
         speed = np.sqrt(_dot(vt, vt))
         return (
             -np.minimum(ct, np.divide(limit, speed, out=np.full_like(speed, np.inf), where=speed > 0))[
@@ -288,7 +300,7 @@ def _tangential(scene, c, touching, n, vt, kt, ct, limit, update: bool) -> np.nd
 
 def _rolling(scene, c, touching, n, elastic, spin) -> np.ndarray:
     """Constant-torque rolling resistance [N m] against the relative spin, without its part along n."""
-    if scene.contact.rolling == "off":
+    if c.laws["rolling"] == "off":
         return np.zeros_like(spin)
     size = np.sqrt(_dot(spin, spin))
     magnitude = (c.of("rolling_friction") * c.radius)[touching] * elastic

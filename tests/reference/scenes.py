@@ -113,7 +113,7 @@ def resting(**more) -> Scene:
         position=[[0, 0, 0.00298], [0.00597, 0, 0.00297], [0.0030, 0.0001, 0.00815]],
         velocity=[[0.02, 0, 0], [-0.01, 0.01, 0], [0.0, 0.02, -0.03]],
         spin=[[20.0, -30.0, 5.0], [-10.0, 15.0, 3.0], [4.0, 9.0, -20.0]],
-        steps=4000, every=10, walls=[FLOOR], gravity=(3.0, 1.0, -9.81), **more,
+        **{"steps": 4000, "every": 10, "walls": [FLOOR], "gravity": (3.0, 1.0, -9.81)} | more,
     )  # fmt: skip
 
 
@@ -171,6 +171,41 @@ def two_sizes() -> Scene:
         time={"step": 5e-7, "duration": 1.5e-3},
         output={"trace_every": 5e-7},
     )  # fmt: skip
+
+
+def own_law(name: str, contact: dict, own: dict, **more) -> Scene:
+    """Three turning balls in touch on a floor, and a side wall, each wall with another law."""
+    side = {**FLOOR, "name": "side", "point": (0.00895, 0, 0), "normal": (-1, 0, 0)}
+    return resting(
+        name=name, contact=contact, pair={"rolling_friction": 0.2, **more.pop("pair", {})},
+        wall_pair={"rolling_friction": 0.1, **more.pop("wall_pair", {})},
+        walls=[{**FLOOR, "contact": own}, side], **{"steps": 1500, **more},
+    )  # fmt: skip
+
+
+#: Laws of a wall beside those of particles; name -> scene maker.
+OWN_LAWS = {
+    "own_rolling_off": lambda: own_law("own_rolling_off", {"rolling": "cdt"}, {"rolling": "off"}),
+    "own_rolling_cdt": lambda: own_law("own_rolling_cdt", {}, {"rolling": "cdt"}),
+    "own_rolling_epsd2": lambda: own_law("own_rolling_epsd2", {"rolling": "cdt"}, {"rolling": "epsd2"}),
+    "own_no_history": lambda: own_law("own_no_history", {}, {"tangential": "no_history"}),
+    "own_history": lambda: own_law("own_history", {"tangential": "no_history"}, {"tangential": "history"}),
+    "own_tangential_off": lambda: own_law("own_tangential_off", {}, {"tangential": "off"}),
+    "own_friction_only": lambda: own_law(
+        "own_friction_only", {"tangential": "off"}, {"tangential": "history"}
+    ),
+    "own_hooke": lambda: own_law(
+        "own_hooke", {"characteristic_velocity": 0.5}, {"normal": "hooke", "rolling": "epsd2"}
+    ),
+    "own_stiffness": lambda: own_law(
+        "own_stiffness", {}, {"normal": "hertz/stiffness"}, wall_pair={**STIFFNESS, "restitution": 0.7}
+    ),
+    "own_hertz": lambda: own_law(
+        "own_hertz",
+        {"normal": "hooke", "characteristic_velocity": 0.5, "limit_force": True},
+        {"normal": "hertz"},
+    ),
+}
 
 
 #: name -> scene maker
@@ -232,4 +267,5 @@ AGREEMENT = {
     "rebound": rebound,
     "start_in_contact": start_in_contact,
     "periodic_bed": periodic_bed,
+    **OWN_LAWS,
 }

@@ -88,7 +88,9 @@ def recall(key: str, scene: Scene, directory: Path, folder: Path | None = None) 
     timing = Timing(len(scene.state), scene.n_steps, stepping_s=facts["stepping_s"], cores=facts["ranks"])
     history, left_out = None, []
     if parts["history"]:
-        table = pandas.DataFrame(parts["history"], columns=list(HISTORY_COLUMNS))
+        table = pandas.DataFrame(
+            parts["history"], columns=[c for c in HISTORY_COLUMNS if c in parts["history"]]
+        )
         history, left_out = observables.select(table, scene.output.history, "LIGGGHTS")
     run = Run(
         "liggghts", facts["version"], scene, directory, timing,

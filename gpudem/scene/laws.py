@@ -1,0 +1,91 @@
+"""Which contact laws act where in a scene: between particles, and at walls that state a law of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import TYPE_CHECKING, NamedTuple
+
+from gpudem.contact import registry
+from gpudem.contact.law import Law, NormalLaw, PairInputs, RollingLaw, TangentialLaw
+
+if TYPE_CHECKING:
+    from gpudem.scene.model import Scene
+    from gpudem.scene.walls import Wall
+
+
+class LawNames(NamedTuple):
+    """One law for each slot; "off": an empty one."""
+
+    normal: str
+    tangential: str
+    rolling: str
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """The laws themselves, in order of the slots."""
+        found = (registry.find(slot, name) for slot, name in zip(registry.SLOTS, self, strict=True))
+        return tuple(law for law in found if law is not None)
+
+    @property
+    def normal_law(self) -> NormalLaw:
+        """The normal law."""
+        return registry.law("normal", self.normal)
+
+    @property
+    def history(self) -> bool:
+        """The tangential law stores a spring from step to step."""
+        law = registry.find("tangential", self.tangential)
+        return isinstance(law, TangentialLaw) and law.history
+
+    @property
+    def rolling_history(self) -> bool:
+        """The rolling law stores a torque from step to step."""
+        law = registry.find("rolling", self.rolling)
+        return isinstance(law, RollingLaw) and law.history
+
+
+def stated_laws(scene: Scene, wall: Wall | None = None) -> LawNames:
+    """The laws that a scene states between particles (None) or at a wall."""
+    own = getattr(wall, "contact", None)
+    return LawNames(
+        *((own and getattr(own, slot)) or getattr(scene.contact, slot) for slot in registry.SLOTS)
+    )
+
+
+def contact_groups(scene: Scene) -> dict[LawNames, list[PairInputs]]:
+    """Laws as stated -> the kinds of contacts that have them; the first are those of `[contact]`."""
+    usual, ours = stated_laws(scene), set(scene.particle_materials)
+    plain, own = set(ours), {}
+    for wall in scene.wall_elements:
+        names = stated_laws(scene, wall)
+        if names == usual:
+            plain.add(wall.material)
+        else:
+            own.setdefault(names, set()).add(wall.material)
+    found = {usual: _meetings(scene, ours, plain)}
+    return found | {names: _meetings(scene, ours, partners) for names, partners in own.items()}
+
+
+def _meetings(scene: Scene, ours: Collection[str], partners: Collection[str]) -> list[PairInputs]:
+    """Inputs of the stated pairs of a material of particles and a partner."""
+    pairs = (pair for pair in scene.contact_pairs if _meet(pair.materials, ours, partners))
+    return [scene.inputs(*pair.materials) for pair in pairs]
+
+
+def _meet(materials: tuple[str, str], ours: Collection[str], partners: Collection[str]) -> bool:
+    a, b = materials
+    return (a in ours and b in partners) or (b in ours and a in partners)
+
+
+def acting(names: LawNames, inputs: Collection[PairInputs]) -> LawNames:
+    """Of stated laws those that act in a contact: a slot without friction in any of its pairs is empty."""
+    shear, roll = registry.find("tangential", names.tangential), registry.find("rolling", names.rolling)
+    # mutate: needs_tangential
+    tangential = shear is not None and any(shear.acts(pair) for pair in inputs)
+    # mutate: needs_rolling
+    rolling = roll is not None and any(roll.acts(pair) for pair in inputs)
+    return LawNames(
+        names.normal,
+        names.tangential if tangential else registry.OFF,
+        names.rolling if rolling else registry.OFF,
+    )

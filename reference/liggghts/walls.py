@@ -1,0 +1,227 @@
+"""The walls of a scene in LIGGGHTS' words: primitives, meshes and their files, motions, laws of their own.
+
+A deck has one wall of meshes for all of them, so a mesh comes or goes by stating that wall anew. Meshes and
+their motions are stated at the start, also those of a mesh that comes later: a motion counts from its `fix`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+
+from gpudem.scene import Plane, Scene
+from gpudem.scene.mesh import Mesh
+from gpudem.scene.motion import Linear, Motion, Oscillate, Rotate, Swing, TranslationTable, TurnTable
+from gpudem.scene.walls import Wall
+from reference.liggghts.contact_model import model, switches
+
+#: Motions that LIGGGHTS has.
+MOTIONS = (Linear, Oscillate, Rotate, Swing, TranslationTable, TurnTable)
+
+
+@dataclasses.dataclass(frozen=True)
+class Primitive:
+    """A wall that is no mesh."""
+
+    name: str
+    type: int
+    """Atom type of its material."""
+    shape: str
+    """Its words after the type."""
+    touches: str
+    """Formula of one particle: 1 in contact, else 0."""
+    model: str
+    switches: str
+
+
+@dataclasses.dataclass(frozen=True)
+class MeshWords:
+    """A mesh: its file, and its motions as words after `move/mesh mesh ID`."""
+
+    name: str
+    type: int
+    file: str
+    belt: str
+    """`surface_vel` and its values, or nothing."""
+    variables: tuple[tuple[str, str], ...]
+    """(name, formula) of the variables that its motions read."""
+    motions: tuple[str, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Change:
+    """What happens to the walls between two runs, in this order."""
+
+    removed: tuple[str, ...]
+    """Names of primitives that go."""
+    of_meshes: bool
+    """The wall of meshes goes, to be stated anew with those that are there then."""
+    meshes_before: tuple[str, ...]
+    """Names of the meshes that were there."""
+    meshes: tuple[str, ...]
+    """Names of those that are there from now on."""
+    added: tuple[str, ...]
+    """Names of primitives that come."""
+
+
+def number(value: float) -> str:
+    """Shortest text that reads back exactly."""
+    return repr(float(value))
+
+
+def vector(values: np.ndarray | tuple[float, ...]) -> str:
+    """Three numbers."""
+    return " ".join(number(v) for v in values)
+
+
+def mesh_file(name: str) -> str:
+    """Name of the file of a mesh in the run directory."""
+    return f"mesh_{name}.stl"
+
+
+def primitives(scene: Scene) -> dict[str, Primitive]:
+    """Every wall that is no mesh, by name."""
+    return {
+        wall.name: Primitive(
+            wall.name, scene.material_index[wall.material] + 1, *_shape(wall),
+            model(scene, wall), switches(scene, wall),
+        )
+        for wall in scene.wall_elements
+        if not isinstance(wall, Mesh)
+    }  # fmt: skip
+
+
+def _shape(wall: Wall) -> tuple[str, str]:
+    """(words, formula of a contact) of a plane across an axis, or of an endless cylinder along one."""
+    return _plane(wall) if isinstance(wall, Plane) else _cylinder(wall)
+
+
+def _plane(plane: Plane) -> tuple[str, str]:
+    """LIGGGHTS' planes act on both sides: the facing is only for counting contacts."""
+    k = axis_of(plane.normal)
+    facing = 1 if plane.normal[k] > 0 else -1
+    at = number(plane.point[k])
+    return f"{'xyz'[k]}plane {at}{_shear(plane)}", f"{facing}*({'xyz'[k]}-({at})) <= c_radius"
+
+
+def _cylinder(wall: Wall) -> tuple[str, str]:
+    """LIGGGHTS wants the two coordinates of the axis in cyclic order: y z, z x, x y."""
+    axis, point, (radius, *_) = wall.shape()
+    k = axis_of(axis)
+    across = [(k + 1) % 3, (k + 2) % 3]
+    center = [number(point[j]) for j in across]
+    distance = "+".join(f"({'xyz'[j]}-({c}))*({'xyz'[j]}-({c}))" for j, c in zip(across, center, strict=True))
+    apart = f"sqrt({distance})-{number(radius)}"
+    return (
+        f"{'xyz'[k]}cylinder {number(radius)} {' '.join(center)}{_shear(wall)}",
+        f"({apart} <= c_radius)*(-({apart}) <= c_radius)",
+    )
+
+
+def _shear(wall: Wall) -> str:
+    """The belt of a primitive: LIGGGHTS knows one along an axis."""
+    if wall.surface_velocity is None:
+        return ""
+    k = axis_of(wall.surface_velocity)
+    return f" shear {'xyz'[k]} {number(wall.surface_velocity[k])}"
+
+
+def axis_of(direction: tuple[float, ...]) -> int:
+    """The first axis along which a direction has a component."""
+    return next(k for k in range(3) if direction[k] != 0)
+
+
+def meshes(scene: Scene) -> list[MeshWords]:
+    """Every mesh in order of statement."""
+    found = []
+    for mesh in scene.meshes:
+        variables: list[tuple[str, str]] = []
+        motions = [_motion(scene, mesh, k, variables) for k in range(len(mesh.motion))]
+        belt = "" if mesh.surface_velocity is None else f" surface_vel {vector(mesh.surface_velocity)}"
+        kind = scene.material_index[mesh.material] + 1
+        name = mesh_file(mesh.name)
+        found.append(MeshWords(mesh.name, kind, name, belt, tuple(variables), tuple(motions)))
+    return found
+
+
+def _motion(scene: Scene, mesh: Mesh, k: int, variables: list[tuple[str, str]]) -> str:
+    """The words of motion k of a mesh; the variables it reads are added to the list."""
+    motion: Motion = mesh.motion[k]
+    name = f"{mesh.name}_{k + 1}"
+    if isinstance(motion, Linear):
+        return f"linear {vector(motion.velocity)}"
+    if isinstance(motion, Oscillate):
+        return f"wiggle amplitude {vector(motion.amplitude)} period {number(motion.period)}"
+    if isinstance(motion, TranslationTable):
+        names = [_table(scene, f"{name}_{a}", motion.time, motion.velocity[:, i], variables)
+                 for i, a in enumerate("xyz")]  # fmt: skip
+        return f"linear/variable {' '.join(names)}"
+    axis = f"origin {vector(motion.point)} axis {vector(motion.axis)}"
+    if isinstance(motion, Rotate):
+        return f"rotate {axis} period {number(motion.period)}"
+    if isinstance(motion, Swing):
+        angle = math.degrees(motion.amplitude)
+        return f"riggle {axis} period {number(motion.period)} amplitude {number(angle)}"
+    assert isinstance(motion, TurnTable)
+    omega = _table(scene, name, motion.time, motion.angular_velocity, variables)
+    return f"rotate/variable {axis} omega {omega}"
+
+
+def _table(
+    scene: Scene, name: str, time: np.ndarray, values: np.ndarray, variables: list[tuple[str, str]]
+) -> str:
+    """A piecewise linear function of time as variables, one a piece, each with those before it: `v_...`."""
+    now = f"step*{number(scene.time.step)}"
+    pieces = [f"({now}<{number(time[0])})*({number(values[0])})"]
+    for (t, s), (a, b) in zip(itertools.pairwise(time), itertools.pairwise(values), strict=True):
+        slope = f"({number((b - a) / (s - t))})*({now}-({number(t)}))+({number(a)})"
+        pieces.append(f"({now}>={number(t)})*({now}<{number(s)})*({slope})")
+    pieces.append(f"({now}>={number(time[-1])})*({number(values[-1])})")
+    for k, piece in enumerate(pieces):
+        before = f"v_{name}_{k - 1}+" if k else ""
+        variables.append((f"{name}_{k}", before + piece))
+    return f"v_{name}_{len(pieces) - 1}"
+
+
+def same_meshes(scene: Scene) -> bool:
+    """Whether no mesh comes or goes; only then LIGGGHTS can count contacts with them.
+
+    It wants the compute before the first run, and removes no wall of meshes that a compute reads.
+    """
+    return bool(scene.meshes) and not any(change.of_meshes for change in changes(scene))
+
+
+def changes(scene: Scene) -> list[Change]:
+    """What happens to the walls before each run but the first."""
+    kept = {mesh.name for mesh in scene.meshes}
+    found = []
+    for (_, _, before), (_, _, after) in itertools.pairwise(scene.segments):
+        old, new = [w.name for w in before], [w.name for w in after]
+        old_meshes, new_meshes = [n for n in old if n in kept], [n for n in new if n in kept]
+        found.append(
+            Change(
+                removed=tuple(n for n in old if n not in new and n not in kept),
+                of_meshes=old_meshes != new_meshes,
+                meshes_before=tuple(old_meshes),
+                meshes=tuple(new_meshes),
+                added=tuple(n for n in new if n not in old and n not in kept),
+            )
+        )
+    return found
+
+
+def stl(mesh: Mesh) -> str:
+    """A mesh in its place at the start as an ASCII STL file, 17 digits, triangles in their order."""
+    corners = mesh.corners
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = normal / np.where(size > 0, size, 1.0)
+    lines = [f"solid {mesh.name}"]
+    for n, triangle in zip(normal.tolist(), corners.tolist(), strict=True):
+        lines.append("facet normal {:.17g} {:.17g} {:.17g}\nouter loop".format(*n))
+        lines += ["vertex {:.17g} {:.17g} {:.17g}".format(*corner) for corner in triangle]
+        lines.append("endloop\nendfacet")
+    return "\n".join([*lines, f"endsolid {mesh.name}", ""])

@@ -1,0 +1,124 @@
+"""Meshes, motions, belts and gates: gpudem's rule `liggghts` and the binary agree step by step; the decks."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from reference.liggghts import limits
+from reference.liggghts.deck import render
+from reference.liggghts.errors import LiggghtsCannotState
+from tests.reference.scenes import FLOOR, OWN_LAWS, wall_bounce
+from tests.reference.wall_scenes import (
+    FLAT,
+    LINEAR,
+    MESHES,
+    RULE,
+    SWING,
+    mesh,
+    moved,
+    rolling,
+)
+
+# -- decks --------------------------------------------------------------------------------------------------
+
+
+def test_meshes_are_written_exactly():
+    """Detects lost digits, another order of triangles or corners."""
+    scene = MESHES["flat_mesh_shuffled"]()
+    text = render(scene).meshes["mesh_floor.stl"]
+    corners = np.array([line.split()[1:] for line in text.splitlines() if line.startswith("vertex")], float)
+    assert np.array_equal(corners.reshape(-1, 3, 3), scene.meshes[0].corners)
+
+
+def test_hash_knows_the_meshes():
+    """A recorded run is of these triangles."""
+    other = rolling("flat_mesh", mesh(**FLAT, scale=1.1))
+    assert render(other).text == render(MESHES["flat_mesh"]()).text
+    assert render(other).hash != render(MESHES["flat_mesh"]()).hash
+
+
+def test_decks_of_walls_have_only_harmless_characters():
+    for make in MESHES.values():
+        deck = render(make())
+        assert re.fullmatch(r"[A-Za-z0-9_ .,:;#%*/()<>=\"\[\]\n+-]*", deck.text), set(deck.text)
+        for text in deck.meshes.values():
+            assert re.fullmatch(r"[A-Za-z0-9_ .\n+-]*", text)
+
+
+def test_deck_of_a_mesh_that_goes():
+    """Trap 19: one wall of meshes, stated anew; those that stay are in it."""
+    text = render(MESHES["mesh_gate"]()).text
+    assert "mesh n_meshes 2 meshes mesh_floor mesh_gate\n" in text
+    tail = text[text.index("run  ") :].split("\n")
+    assert [" ".join(line.split()) for line in tail] == [
+        "run 2000", "unfix meshes",
+        "fix meshes all wall/gran model hertz tangential history mesh n_meshes 1 meshes mesh_floor",
+        "run 4000", "",
+    ]  # fmt: skip
+
+
+def test_motions_count_from_the_start():
+    """Trap 21: a mesh that comes later has its motion from the start, as gpudem's."""
+    text = render(MESHES["mesh_comes"]()).text
+    assert text.index("move_gate_1 all move/mesh mesh mesh_gate linear") < text.index("run  ")
+
+
+def test_swing_in_degrees():
+    """Trap 22."""
+    words = re.search(r"riggle .* amplitude (\S+)\n", render(moved("swing", SWING)).text)
+    assert float(words[1]) == pytest.approx(np.degrees(SWING["amplitude"]), rel=1e-15)
+
+
+def test_contacts_with_meshes_that_go_are_left_out_and_said():
+    """Trap 24."""
+    assert any("'contacts' is left out" in text for text in limits.warnings(MESHES["mesh_gate"]()))
+    assert "mesh_contacts" not in render(MESHES["mesh_gate"]()).text
+    assert "mesh_contacts" in render(MESHES["flat_mesh"]()).text
+
+
+def test_another_rule_is_said():
+    """Agreement to rounding cannot be asked with gpudem's own rule."""
+    scene = MESHES["flat_mesh"]().replace(contact={"mesh_contacts": "unique"})
+    assert any("mesh_contacts = 'unique'" in text for text in limits.warnings(scene))
+    assert not any("mesh_contacts" in text for text in limits.warnings(MESHES["flat_mesh"]()))
+
+
+@pytest.mark.parametrize(
+    ("walls", "message"),
+    [
+        ([mesh(**FLAT), mesh("other", contact={"rolling": "off", "tangential": "off"}, **FLAT)],
+         r"walls\.other\.contact: LIGGGHTS has one contact law for all meshes; that of floor"),
+        ([mesh(motion=[LINEAR], surface_velocity=(1, 0, 0), **FLAT)], r"floor\.surface_velocity: .*no belt"),
+        ([{**FLOOR, "motion": [LINEAR]}], r"walls\.floor\.motion: LIGGGHTS moves meshes only"),
+        ([{**FLOOR, "surface_velocity": (1, 1, 0)}], r"walls\.floor\.surface_velocity .* along one axis"),
+        ([{**FLOOR, "surface_velocity": (1, 0, 1)}], r"walls\.floor\.surface_velocity .* along one axis"),
+    ],
+)  # fmt: skip
+def test_what_a_deck_cannot_hold_is_refused_by_name(walls, message):
+    with pytest.raises(LiggghtsCannotState, match=message):
+        render(wall_bounce(walls=walls, contact=RULE))
+
+
+# -- laws of walls -----------------------------------------------------------------------------------------
+
+
+def test_wall_has_its_own_law():
+    """An unnamed slot is off; a slot that acts nowhere is `no_history` with mu = 0, which is compiled in."""
+    text = render(OWN_LAWS["own_tangential_off"]()).text
+    assert re.search(r"pair_style +gran model hertz tangential history\n", text)
+    assert re.search(r"wall_floor all wall/gran model hertz primitive", text)
+    assert re.search(r"wall_side all wall/gran model hertz tangential history primitive", text)
+    text = render(OWN_LAWS["own_rolling_cdt"]()).text
+    assert "rolling_friction cdt primitive" in text
+    assert text.count("coefficientRollingFriction") == 1
+
+
+def test_properties_of_all_laws():
+    """Those of a wall's law too, each once."""
+    text = render(OWN_LAWS["own_hooke"]()).text
+    assert text.count("youngsModulus") == text.count("characteristicVelocity") == 1
+    assert text.count(" kn ") == 0
+    assert render(OWN_LAWS["own_stiffness"]()).text.count("property/global kn ") == 1
