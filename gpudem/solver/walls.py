@@ -107,8 +107,8 @@ def wall_table(state: State, scene: Scene, chunk: int, present: list[Wall]) -> A
         kinds = [-1 if wall.kind == "mesh" else state.spec.walls.index(wall.kind) for wall in elements]
         walls.kind = table(np.array(kinds, np.int32), wp.int32)
     if state.spec.wall_laws:
-        own = {names: k for k, names in enumerate(state.spec.wall_laws, 1)}
-        laws = [own.get(scene.wall_laws.get(wall.name), 0) for wall in elements]
+        own, number = scene.wall_laws, {names: k for k, names in enumerate(state.spec.wall_laws, 1)}
+        laws = [number[own[wall.name]] if wall.name in own else 0 for wall in elements]
         walls.law = table(np.array(laws, np.int32), wp.int32)
     for name, column in zip(
         ("direction", "point", "size"), zip(*(wall.shape() for wall in elements), strict=True), strict=True

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from gpudem.scene import Scene
@@ -55,7 +57,7 @@ def cylinder(radius: float, sides: int, half: float = 0.02) -> dict:
     return {"vertices": points, "triangles": np.array(triangles)}
 
 
-def rolling(name: str, wall: dict | list, steps: int = 6000, **more) -> Scene:
+def rolling(name: str, wall: dict | list, steps: int = 6000, **more: Any) -> Scene:
     """A ball pressed on a floor by gravity, which slides and rolls along x and y."""
     more = {"position": [[-0.0191, -0.0083, PRESSED]], "velocity": [[0.8, 0.31, 0.0]], **more}
     return scene(
@@ -96,7 +98,7 @@ TURN_TABLE = {
     "type": "table", "axis": (0, 0, 1), "point": (0.004, 0, 0), "time": [0.001, 0.005, 0.01],
     "angular_velocity": [0.0, 80.0, -50.0],
 }  # fmt: skip
-FRICTION = {"pair": {"rolling_friction": 0.02}, "wall_pair": {"rolling_friction": 0.01}}
+FRICTION: dict[str, Any] = {"pair": {"rolling_friction": 0.02}, "wall_pair": {"rolling_friction": 0.01}}
 
 
 def drum() -> Scene:
