@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from comparisons import cli
-from comparisons.harness import discover, execute, recorded_cases, sources
+from comparisons.harness import discover, execute, recorded_cases, results, sources
 from comparisons.harness.case import Table
 from comparisons.harness.discover import find_cases
 from comparisons.report import page as report
@@ -47,6 +47,19 @@ def test_a_shorter_tier_shows_what_was_kept(kept, tmp_path):
     assert "Full tier, recorded" in page
     assert recorded.provenance["date"][:10] in page
     assert comparison.counts()["pass"] == len(comparison.checks)  # those kept are not counted again
+
+
+def test_edited_words_of_a_record_are_said_to_be(kept, tmp_path):
+    """Detects a record whose texts were changed later and are shown as those of its run."""
+    (tmp_path / "quick").mkdir()
+    (case,) = execute.Session([fake.case()], tmp_path / "quick", tier="quick").run().cases
+    assert case.recorded is not None
+    for edited in ("", "2026-11-27"):
+        shown = dataclasses.replace(case, recorded=dataclasses.replace(case.recorded, edited=edited))
+        comparison = dataclasses.replace(results.load(tmp_path / "quick"), cases=[shown])
+        page = report.html(comparison, tmp_path / "quick")
+        said = "The wording of its texts was edited on 2026-11-27, no number." in page
+        assert said == bool(edited)
 
 
 def advising(recorded: bool = True):

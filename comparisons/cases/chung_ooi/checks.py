@@ -133,7 +133,9 @@ def coulomb(
             if b.tangential + test.radius * b.spin >= 2 * 3.5 * limit:
                 found.append((b.tangential - row[1], limit, b.what))
         lost, limit, what = max(found, key=lambda row: abs(row[0] / row[1] - 1))
-        return kit.Measured(lost / limit, lost, limit, f"{len(found)} impacts slide; farthest at {what}")
+        return kit.Measured(
+            lost / limit, lost, limit, f"{len(found)} impacts slide; largest deviation at {what}"
+        )
 
     return kit.per_code(
         f"{prefix.rstrip('_')}: velocity lost in gross sliding / mu (1 + e) v_n", measure,

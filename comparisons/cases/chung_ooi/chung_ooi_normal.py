@@ -109,7 +109,7 @@ def force_figure(test: Test) -> kit.Figure:
             options = {"xytext": (0, 3), "textcoords": "offset points", "ha": "center", "fontsize": 8}
             axes[0].annotate(b.what, (1e6 * since[np.argmax(f)], f.max()), **options)
         for ax, against, xlabel in zip(
-            axes, PUBLISHED, ("time since the touch [us]", "overlap [um]"), strict=True
+            axes, PUBLISHED, ("time since the contact began [us]", "overlap [um]"), strict=True
         ):
             text = f"published, {test.balls[0].what}"
             ax.plot(*points_of(test, against).T, **READ, **POINTS[0], label=text)
@@ -128,14 +128,14 @@ def force_figure(test: Test) -> kit.Figure:
 def restitution(results: kit.Results) -> plots.Figure:
     figure, (top, low) = plots.figure(2, 1, height=4.6, sharex=True, height_ratios=(1.5, 1))
     label, put_in = results.finest("T3_"), np.array([b.restitution for b in T3.balls])
-    top.plot((0, 1), (0, 1), **plots.style("oracle", label="e out = e in"))
+    top.plot((0, 1), (0, 1), **plots.style("oracle", label="resulting = stated"))
     for code in results.codes(label):
         out = T3.outcome(results[label, code])[:, 0] / [b.normal for b in T3.balls]
         top.plot(put_in, out, **by_code(code))
         low.semilogy(put_in, np.maximum(np.abs(out - put_in), 1e-18), **by_code(code))
     low.axhline(1e-3, **plots.TOLERANCE, label="tolerance")
-    top.set_ylabel("restitution out")
-    low.set(xlabel="restitution in", ylabel="|difference|")
+    top.set_ylabel("resulting restitution")
+    low.set(xlabel="stated restitution", ylabel="|difference|")
     plots.legend(top)
     return figure
 

@@ -124,7 +124,7 @@ def against_ode(
         kit.per_code(
             f"{name}: velocity and R x spin, largest error / impact speed",
             lambda results, code, wanted=wanted: error(results, code, wanted),
-            tolerance=tolerance, against=ODE, reason=f"some 300 steps to a contact; {reason}",
+            tolerance=tolerance, against=ODE, reason=f"about 300 steps per contact; {reason}",
             catches=catches,
         )
         for wanted, tolerance, name, reason in kinds

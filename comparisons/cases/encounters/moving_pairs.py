@@ -16,10 +16,10 @@ from gpudem.output.run import Run
 from gpudem.scene import Scene
 
 THROWS = (
-    Throw("elastic, slips, grips, slips", 1.0, 0.5, (0.1, -0.2)),
+    Throw("elastic, slips, sticks, slips", 1.0, 0.5, (0.1, -0.2)),
     Throw("elastic, slides", 1.0, 2.5, (-0.3, 0.2)),
     Throw("e = 0.6, sticks", 0.6, 0.1),
-    Throw("e = 0.6, slips and grips", 0.6, 0.7, (0.1, 0.2)),
+    Throw("e = 0.6, slips and sticks", 0.6, 0.7, (0.1, 0.2)),
     Throw("e = 0.6, slides", 0.6, 3.0, (0.0, 0.5)),
 )
 RADII = (RADIUS, PARTNER_RADIUS)

@@ -15,12 +15,12 @@ from gpudem.output.run import Run
 from gpudem.scene import Box, Pair, Scene, Side, Solver
 
 #: The throw of most balls here; its material is of restitution 0.6.
-SLIPS = Throw("slips and grips", 0.6, 0.5)
+SLIPS = Throw("slips and sticks", 0.6, 0.5)
 FLOOR = floor("wall")
 #: Balls in the edge of side and floor; the rows of two that are mirror images, as side and floor are.
 CORNER = [
     Encounter("slides in opposite directions", ((0, "side"), (0, "floor"))),
-    Encounter("slips and grips", ((1, "side"), (1, "floor"))),
+    Encounter("slips and sticks", ((1, "side"), (1, "floor"))),
     Encounter("its mirror image", ((2, "side"), (2, "floor"))),
 ]
 MIRRORED = (1, 2)

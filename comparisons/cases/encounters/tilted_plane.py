@@ -15,10 +15,10 @@ from comparisons.harness import codes
 from gpudem.scene import Scene
 
 THROWS = (
-    Throw("elastic, slips, grips, slips", 1.0, 0.5),
+    Throw("elastic, slips, sticks, slips", 1.0, 0.5),
     Throw("elastic, slides", 1.0, 2.5),
     Throw("e = 0.6, sticks", 0.6, 0.05),
-    Throw("e = 0.6, slips and grips", 0.6, 0.5, speed=0.8),
+    Throw("e = 0.6, slips and sticks", 0.6, 0.5, speed=0.8),
     Throw("e = 0.6, slides", 0.6, 3.0),
     Throw("e = 0.6, back spin", 0.6, 0.8, (1.4, 0.0)),
 )

@@ -221,8 +221,9 @@ def _curves(results: kit.Results) -> plots.Figure:
 def _table(results: kit.Results) -> kit.Rows:
     return [
         {"e [1]": KINDS[kind], "quantity / energy at the start": name, "code": plots.name(code),
-         "seeds": len(values), "mean": float(values.mean()), "of a seed": float(values.std(ddof=1)),
-         "against hard": float(values.mean() / found[HARD].mean() - 1)}
+         "seeds": len(values), "mean": float(values.mean()),
+         "standard deviation of a seed": float(values.std(ddof=1)),
+         "relative difference from event-driven": float(values.mean() / found[HARD].mean() - 1)}
         for kind in kinds(results)
         for name, found in samples(results, kind).items()
         for code, values in found.items()

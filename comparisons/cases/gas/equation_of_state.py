@@ -171,9 +171,10 @@ def _table(results: kit.Results) -> kit.Rows:
     return [
         {"system": kind.name, "fraction [1]": kind.fraction(value), "Z [1]": row["Z"][0],
          "theory: Z [1]": row["Z"][1],
-         "Henderson [1]":
+         "Henderson: Z [1]":
              gas.disk_compressibility(value, gas.henderson(value)) if kind is DISKS else math.nan,
-         "collision rate [1/s]": row["collision rate"][0], "theory [1/s]": row["collision rate"][1]}
+         "collision rate [1/s]": row["collision rate"][0],
+         "theory: collision rate [1/s]": row["collision rate"][1]}
         for kind in KINDS
         for value, row in observed(results, kind).items()
     ]  # fmt: skip

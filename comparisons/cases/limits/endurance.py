@@ -181,7 +181,7 @@ CASE = kit.Case(
         ),
         _each(
             "fine gas: energy, largest change in 1e5 steps", fine, 1e-6,
-            f"third order in the step for the smooth start of Hertz' force, {scenes.FINE} steps a contact",
+            f"third order in the step for the smooth start of Hertz' force, {scenes.FINE} steps per contact",
             "a scheme that is not symplectic where there is no damping", "conservation",
         ),
     ),

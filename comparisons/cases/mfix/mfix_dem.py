@@ -80,7 +80,10 @@ def hard_limit(results: kit.Results, code: str) -> kit.Measured:
         tops = [first_top(run, mfix.BOUNCES.index((k, e))) for k in mfix.STIFFNESSES]
         off = np.abs(np.array(tops) / hard_sphere_top(mfix.DROP, e, 1) - 1)
         slopes.append(float(np.polyfit(np.log(mfix.STIFFNESSES), np.log(off), 1)[0]))
-    return kit.Measured(max(slopes, key=lambda s: abs(s + 0.5)), note=f"{len(slopes)} restitutions; farthest")
+    return kit.Measured(
+        max(slopes, key=lambda s: abs(s + 0.5)),
+        note=f"{len(slopes)} restitutions, the one with the largest deviation",
+    )
 
 
 def column(results: kit.Results, time: np.ndarray, restitution: float) -> np.ndarray:
@@ -168,7 +171,7 @@ ANALYTICAL: tuple[tuple[str, Any, str, str, tuple[kit.Tier, ...]], ...] = (
      "0.1 % is required; MFIX reaches 0.57 % and 0.04 %",
      "friction other than mu N; a moment of inertia other than 2/5 m R^2", kit.TIERS),
     ("DEM05: velocity and R x spin, largest error / impact speed", pellet_errors,
-     "1300 steps a contact; without damping the error is of second order except where slip begins",
+     "1300 steps per contact; without damping the error is of second order except where slip begins",
      "a tangential stiffness other than 8 G* sqrt(R* d): the angles below 25 degrees stick", kit.TIERS),
 )  # fmt: skip
 

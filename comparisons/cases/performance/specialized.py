@@ -119,7 +119,7 @@ def table(results: Results) -> Rows:
         for title, runs in zip(HOW, both, strict=True):
             n = runs[0].timing.particles
             row[f"{title}: bytes a ball"] = f"{sum(runs[0].notes['arrays'].values()) / n:.0f}"
-            row[f"{title}: us a ball and step"] = f"{np.median([1e6 / r.timing.rate for r in runs]):.3f}"
+            row[f"{title}: us per ball and step"] = f"{np.median([1e6 / r.timing.rate for r in runs]):.3f}"
         ratio = _speed_up(both)
         row["time, everything / least"] = f"{np.median(ratio):.2f} ({ratio.min():.2f} to {ratio.max():.2f})"
         rows.append(row)

@@ -240,7 +240,8 @@ CASE = kit.Case(
     tables=(
         kit.table(
             "Oblique impacts on the wall",
-            "Finest step; along the slip and about normal x slip, and the phases of the contact by the ODE.",
+            "Finest step. Velocities along the first slip, spins about the axis normal x slip; phases by"
+            " the ODE.",
             {
                 "velocity change [m/s]": lambda results, code: _after(results, code, 0),
                 "spin change [rad/s]": lambda results, code: _after(results, code, 1),
