@@ -6,7 +6,6 @@ the oracle's one pair, shifted in time. With thousands of contacts in a run, ste
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -28,34 +27,20 @@ PERIOD = elastic_contact_time(of_material(BALL, RADIUS, wall=False), SPEED)
 SNAPSHOTS = 10
 #: Length of a run in elastic contact times: the longest damped contact (e = 0.3) takes 1.2 of them.
 LENGTH = 1.5
-
-
-@dataclasses.dataclass(frozen=True)
-class Kind:
-    """A family of contacts and the law that they use."""
-
-    title: str
-    slide: float
-    friction: float
-    contact: dict[str, object]
-
-
-KINDS = {
-    "normal": Kind("head-on, damped", 0.0, 0.0, {}),
-    "oblique": Kind(
-        "oblique with friction, Coulomb kept (limit_force on, tangential_damping off)",
-        SLIDE, 0.1, {"limit_force": True, "tangential_damping": False},
-    ),
-    "oblique_default": Kind("oblique with friction, LIGGGHTS' default law", SLIDE, 0.1, {}),
-}  # fmt: skip
+#: Kinds of contact: speed along the surface [m/s], friction, contact law.
+KINDS: dict[str, tuple[float, float, dict[str, bool]]] = {
+    "normal": (0.0, 0.0, {}),
+    "oblique": (SLIDE, 0.1, {"limit_force": True, "tangential_damping": False}),  # Coulomb's limit is kept
+    "oblique_default": (SLIDE, 0.1, {}),  # LIGGGHTS' default law
+}
 
 
 def scene(kind: str, steps: int, pairs: int, seed: int = 1) -> Scene:
     """`pairs` pairs in each group, `steps` time steps in an elastic contact."""
-    what = KINDS[kind]
+    slide, friction, contact = KINDS[kind]
     names = [f"ball_{k}" for k in range(len(GROUPS))]
     table = [
-        {"materials": (a, b), "restitution": GROUPS[max(i, i + k)], "friction": what.friction}
+        {"materials": (a, b), "restitution": GROUPS[i + k], "friction": friction}
         for i, a in enumerate(names) for k, b in enumerate(names[i:])
     ]  # fmt: skip
     count = pairs * len(GROUPS)
@@ -63,7 +48,7 @@ def scene(kind: str, steps: int, pairs: int, seed: int = 1) -> Scene:
     cell = 8 * RADIUS
     index = np.arange(count)
     centre = cell * (0.5 + np.stack([index % side, index // side % side, index // side**2], axis=1))
-    approach = np.array([0.5 * SPEED, 0.5 * what.slide, 0.0])
+    approach = np.array([0.5 * SPEED, 0.5 * slide, 0.0])
     # after the first step of the coarsest rung: its set-up half step is another scheme's
     flight = np.random.default_rng(seed).uniform(1.02, 1.98, count)[:, None] * PERIOD / SNAPSHOTS
     touch = np.array([RADIUS, 0.0, 0.0])
@@ -73,7 +58,7 @@ def scene(kind: str, steps: int, pairs: int, seed: int = 1) -> Scene:
         name=f"{kind}_{steps}",
         materials=dict.fromkeys(names, BALL),
         pairs=table,
-        contact=what.contact,
+        contact=contact,
         particles={
             "source": "explicit", "radius": RADIUS,
             "material": [names[i % len(GROUPS)] for i in index for _ in "ij"],
