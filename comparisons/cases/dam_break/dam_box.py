@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -81,8 +80,7 @@ def _pictures(results: kit.Results) -> plots.Figure:
         when = "at rest" if time is None else f"{dam.opening(run) + time:.1f} s"
         lo, (length, depth, _) = run.scene.domain.lo, run.scene.domain.hi
         box = Domain(lo=lo, hi=(length, depth, SEEN))  # the scene's is as high as its loose lattice
-        view = SimpleNamespace(domain=box, planes=run.scene.planes)
-        views[f"{plots.name(code)}, {when}"] = (view, frame)
+        views[f"{plots.name(code)}, {when}"] = (run.scene.model_copy(update={"domain": box}), frame)
     return render.side_by_side(views, time=1.0)
 
 
