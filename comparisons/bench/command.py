@@ -18,7 +18,8 @@ import click
 import numpy as np
 import psutil
 
-from comparisons.bench.beds import STEP, bench_scene
+from comparisons.bench.beds import STEP
+from comparisons.bench.drum import timed_scene
 from comparisons.bench.worker import Measured
 from gpudem.errors import GpudemError
 from gpudem.output.atomic import write_text
@@ -26,7 +27,7 @@ from gpudem.solver.device import cores as usable_cores
 from gpudem.solver.device import find_device
 from reference.liggghts.code import CODE as LIGGGHTS
 
-BEDS = ("settled", "flowing")
+BEDS = ("settled", "flowing", "drum")
 #: Particle-steps of one measurement: about 10 s on one core.
 BUDGET = 4e7
 MIN_STEPS, MAX_STEPS = 100, 6000
@@ -124,7 +125,7 @@ def measure_row(run: tuple[str, str, int, str], bed: str, size: int, steps: int,
     from reference import liggghts
 
     with tempfile.TemporaryDirectory() as folder:
-        scene = bench_scene(bed, size, steps)
+        scene = timed_scene(bed, size, steps)
         timing = liggghts.run(scene, Path(folder), ranks=cores, use_recorded=False).timing
     return Row(**about, rate=timing.rate, peak_memory_bytes=timing.peak_memory_bytes)
 
@@ -275,7 +276,7 @@ def _numbers(context: click.Context, parameter: click.Parameter, value: str) -> 
     "--cores", default="1,2", callback=_numbers, show_default=True,
     help="Threads of gpudem and MPI ranks of LIGGGHTS.",
 )  # fmt: skip
-@click.option("--beds", default="settled,flowing", show_default=True)
+@click.option("--beds", default="settled,flowing", help="Of settled, flowing, drum.", show_default=True)
 @click.option("--repeats", default=3, show_default=True)
 @click.option("--precision", default="float64,mixed", help="Of gpudem, with commas.", show_default=True)
 @click.option("--device", default="cpu", help="Of gpudem, with commas.", show_default=True)

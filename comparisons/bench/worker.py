@@ -14,7 +14,8 @@ import time
 import numpy as np
 import warp as wp
 
-from comparisons.bench.beds import SKIN, bench_scene
+from comparisons.bench.beds import SKIN
+from comparisons.bench.drum import timed_scene
 from gpudem.solver.solver import Solver
 
 
@@ -43,7 +44,7 @@ def measure(
     """Runs the bed without output."""
     from gpudem.process import peak_memory
 
-    scene = bench_scene(bed, particles, steps, solver={"skin": SKIN, "precision": precision})
+    scene = timed_scene(bed, particles, steps, solver={"skin": SKIN, "precision": precision})
     simulation = Solver(scene, device, threads)
     simulation.start()
     simulation.advance(1)

@@ -105,8 +105,8 @@ class Contact(Model):
     mesh_contacts: Literal["unique", "liggghts"] = "unique"
     """Which triangles near a particle count. `unique`: one contact for each place where the surface is
     nearest, whatever the triangles; `liggghts`: its rule, for agreement to rounding."""
-    merge_angle: Annotated[float, number("deg", 0, 90)] = 20.0
-    """With `unique`: contacts of one mesh whose normals differ by less are one, the deepest [deg]."""
+    merge_angle: Annotated[float, number("deg", 0, 90)] = 21.0
+    """With `unique`: contacts with meshes whose normals differ by less are one, the deepest [deg]."""
     mesh_curvature: Annotated[float, number("deg", 0, 180)] = 0.256235
     """With `liggghts`: triangles whose normals differ by no more are one face (its `curvature`) [deg]."""
     characteristic_velocity: Annotated[float, positive("m/s")] | None = None

@@ -17,33 +17,24 @@ from gpudem.solver.arrays import access
 from gpudem.solver.body import body_struct
 from gpudem.solver.class_grids import grid_functions, grid_struct
 from gpudem.solver.geometry import nearest_image
+from gpudem.solver.mesh_search import mesh_search
+from gpudem.solver.reports import (
+    DEEP_IN_WALL,
+    LOST,
+    NO_REPORT,
+    NOT_A_NUMBER,
+    SLOTS,
+    TOO_DEEP,
+    TOO_FAST,
+    write_report,
+)
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import structs
-from gpudem.solver.wall_frames import triangle_surface, wall_frame
+from gpudem.solver.wall_frames import wall_frame
 from gpudem.solver.walls import wall_surface
 
 #: Entries of a particle that the count stores for the fill; a particle with more is searched again.
 CACHE_SIZE = wp.constant(24)
-#: Places for the reports of a rebuild: one block of particles writes to one place.
-SLOTS = wp.constant(64)
-#: What a report says of a particle; its partner is a row of the scene or a wall.
-OK, LOST, NOT_A_NUMBER, TOO_FAST, TOO_DEEP, DEEP_IN_WALL = 0, 1, 2, 3, 4, 5
-#: A report that says nothing.
-NO_REPORT = (1 << 63) - 1
-
-
-def unpack_report(report: int) -> tuple[int, int, int]:
-    """(what, particle, partner) of a report: the particle in the upper 31 bits, then 3 bits, then 29 bits."""
-    return (report >> 29) & 7, report >> 32, report & ((1 << 29) - 1)
-
-
-@wp.func
-def write_report(
-    status: wp.array[wp.int64], slot: wp.int32, what: wp.int32, particle: wp.int32, partner: wp.int32
-):
-    """One number, so that its parts come from one thread; the smallest stays: the first particle."""
-    head = (wp.int64(particle) << wp.int64(32)) | (wp.int64(what) << wp.int64(29))
-    wp.atomic_min(status, slot % SLOTS, head | wp.int64(partner))
 
 
 @wp.func
@@ -264,6 +255,45 @@ def entry_search(spec: Spec) -> Any:
 
 
 @functools.cache
+def wall_entry_search(spec: Spec) -> Any:
+    """The `entry_search` of a wall or triangle, in contact or not.
+
+    With meshes, of which a large particle has thousands of entries, by bisection: partners of a list that are
+    not particles ascend, and come after the particles.
+    """
+    t = structs(spec.precision)
+    find, get_int = entry_search(spec), access(wp.int32).get
+
+    @wp.func
+    def other_of(particles: t.Particles, k: wp.int32):
+        entry = get_int(particles.neighbor, k)
+        if entry < 0:
+            return -entry - 1
+        return entry
+
+    @wp.func
+    def bisect(particles: t.Particles, at: wp.int32, partner: wp.int32):
+        low, end = get_int(particles.start, at), get_int(particles.start, at + 1)
+        high = wp.int32(0) + end
+        while low < high:
+            middle = (low + high) // 2
+            if other_of(particles, middle) < partner:
+                low = middle + 1
+            else:
+                high = middle
+        if low < end:
+            if other_of(particles, low) == partner:
+                return low
+        return wp.int32(-1)
+
+    @wp.func
+    def walk(particles: t.Particles, at: wp.int32, partner: wp.int32):
+        return find(particles, at, partner, True)
+
+    return bisect if spec.meshes else walk
+
+
+@functools.cache
 def pair_search(spec: Spec) -> Any:
     """A function: where the old lists hold the contact of two old places, and the sign of its history there.
 
@@ -467,60 +497,6 @@ def class_search(spec: Spec) -> Any:
 
 
 @functools.cache
-def mesh_search(spec: Spec) -> Any:
-    """A function: appends the triangles near particle i to its `count` entries, in ascending order.
-
-    Of a mesh that moves, where it is in the first launch; `WallMotion` says how long that holds.
-    """
-    t = structs(spec.precision)
-    Params, Particles, Walls, wide, wide3 = t.Params, t.Particles, t.Walls, t.wide, t.wide3
-    integers = access(wp.int32)
-    get_int, put_int = integers.get, integers.put
-    triangle, frame = triangle_surface(spec), wall_frame(spec)
-    to_wall = frame.to_wall
-
-    @wp.func
-    def insert(out: wp.array[wp.int32], base: wp.int32, begin: wp.int32, count: wp.int32, entry: wp.int32):
-        """Into the ascending entries begin..count-1."""
-        k = wp.int32(0) + count
-        while k > begin and get_int(out, base + k - 1) > entry:
-            put_int(out, base + k, get_int(out, base + k - 1))
-            k -= 1
-        put_int(out, base + k, entry)
-
-    @wp.func
-    def search(
-        params: Params, particles: Particles, walls: Walls, i: wp.int32, x: wide3, radius: wide,
-        found: wp.int32, out: wp.array[wp.int32], base: wp.int32, room: wp.int32, status: wp.array[wp.int64],
-    ):  # fmt: skip
-        count, begin = wp.int32(0) + found, wp.int32(0) + found
-        within = radius + params.range + params.skin  # mutate: triangle_range
-        reach = wp.float32(within) * wp.float32(1.00001)
-        for k in range(walls.present.shape[0]):
-            w = walls.present[k]
-            if walls.kind[w] >= 0:
-                continue
-            place = to_wall(walls, w, x)
-            center = wp.vec3(wp.float32(place[0]), wp.float32(place[1]), wp.float32(place[2]))
-            slack = reach + wp.float32(1.0e-6) * wp.length(center)
-            half = wp.vec3(slack, slack, slack)
-            query = wp.bvh_query_aabb(walls.bvh[w], center - half, center + half)
-            local = wp.int32(0)
-            while wp.bvh_query_next(query, local):
-                e = walls.first_triangle[w] + local
-                gap, _normal, _feature = triangle(params, walls, w, e, x)
-                if gap < within:
-                    if gap < radius - params.overlap_limit * radius:
-                        write_report(status, i // params.block, wp.int32(DEEP_IN_WALL), particles.id[i], w)
-                    if count < room:
-                        insert(out, base, begin, count, params.n + params.walls + e)
-                    count += 1
-        return count
-
-    return search
-
-
-@functools.cache
 def wall_search(spec: Spec) -> Any:
     """A function: appends the walls near particle i to its `count` entries; returns the new number.
 
@@ -529,7 +505,7 @@ def wall_search(spec: Spec) -> Any:
     """
     t = structs(spec.precision)
     Params, Particles, Walls = t.Params, t.Particles, t.Walls
-    put_int, find = access(wp.int32).put, entry_search(spec)
+    put_int, find = access(wp.int32).put, wall_entry_search(spec)
     surface = wall_surface(spec.walls) if spec.walls else None
     to_wall = wall_frame(spec).to_wall
     mesh_of = mesh_search(spec) if spec.meshes else None
@@ -561,7 +537,7 @@ def wall_search(spec: Spec) -> Any:
                     gap, _normal_now = surface(walls, w, to_wall(walls, w, x))
                 if wp.static(spec.fast_floors):
                     if walls.fast[w] != 0:
-                        at = find(particles, old, params.n + w, True)
+                        at = find(particles, old, params.n + w)
                         if at >= 0 and particles.rise[at] >= t.wide(0.0):
                             gap = gap - particles.rise[at]
                             near = True  # mutate: near_fast_floor
@@ -623,7 +599,7 @@ def fill_kernel(spec: Spec) -> Any:
     t = structs(spec.precision)
     Params, Particles, Walls, vec3 = t.Params, t.Particles, t.Walls, t.vec3
     neighbors, Grid = neighbor_search(spec), grid_struct(spec.precision)
-    find, find_pair = entry_search(spec), pair_search(spec)
+    find, find_pair = wall_entry_search(spec), pair_search(spec)
     walls_of = wall_search(spec) if spec.has_walls else None
     get_int, put_int = access(wp.int32).get, access(wp.int32).put
 
@@ -639,7 +615,7 @@ def fill_kernel(spec: Spec) -> Any:
             return
         sign = t.real(1.0)
         if other >= params.n:
-            k = find(particles, o, other, True)  # mutate: wall_entry_at_rebuild
+            k = find(particles, o, other)  # mutate: wall_entry_at_rebuild
             if wp.static(spec.fast_floors):
                 rise[m] = t.wide(-1.0)
                 if k >= 0:

@@ -16,6 +16,14 @@ from gpudem.solver import guards
 from gpudem.solver.class_grids import class_grids, grid_struct
 from gpudem.solver.neighbor_kernels import (
     CACHE_SIZE,
+    cell_kernel,
+    cell_starts,
+    check_rebuild,
+    count_kernel,
+    fill_kernel,
+    gather_kernel,
+)
+from gpudem.solver.reports import (
     DEEP_IN_WALL,
     LOST,
     NO_REPORT,
@@ -23,12 +31,6 @@ from gpudem.solver.neighbor_kernels import (
     SLOTS,
     TOO_DEEP,
     TOO_FAST,
-    cell_kernel,
-    cell_starts,
-    check_rebuild,
-    count_kernel,
-    fill_kernel,
-    gather_kernel,
     unpack_report,
 )
 from gpudem.solver.scan import ExclusiveScan, group_starts, group_sums
@@ -111,7 +113,9 @@ class NeighborList:
         }
         self._scratch_arrays: dict[str, Any] = {}
         if spec.meshes:
-            self._scratch_arrays = {"mesh_leader": wp.int32, "mesh_gap": t.wide, "mesh_point": t.wide3}
+            self._scratch_arrays = {
+                "mesh_near": wp.int32, "mesh_leader": wp.int32, "mesh_gap": t.wide, "mesh_normal": t.wide3,
+            }  # fmt: skip
         self.spring = self.rolling_torque = self.rise = None
         self._permuted_arrays = ["id", *(["image"] * any(spec.periodic)), *(["radius"] * spec.polydisperse)]
         self._permuted_arrays += ["mass"] * spec.per_particle_mass + ["material"] * spec.multi_material

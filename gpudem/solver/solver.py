@@ -34,7 +34,7 @@ from gpudem.solver.wall_motion import WallMotion
 from gpudem.solver.walls import wall_table
 
 #: Arrays of the list that a step writes before it reads them.
-MESH_SCRATCH = ("mesh_leader", "mesh_gap", "mesh_point")
+MESH_SCRATCH = ("mesh_near", "mesh_leader", "mesh_gap", "mesh_normal")
 #: Steps launched as one CUDA graph between two checks by the host.
 CUDA_CHUNK = 32
 

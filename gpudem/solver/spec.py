@@ -112,6 +112,11 @@ class Spec:
         return bool(self.walls) or bool(self.meshes)
 
     @property
+    def mesh_images(self) -> int:
+        """Entries that one triangle may have in a list: an image to each side of every periodic direction."""
+        return 3 ** sum(self.periodic)
+
+    @property
     def spring_history(self) -> bool:
         """Shear springs are stored from step to step."""
         return any(names.history for names in self.law_names)
@@ -123,8 +128,11 @@ class Spec:
 
     @property
     def contact_history(self) -> bool:
-        """Anything of a contact is stored from step to step: lists mark the contacts of the last step."""
-        return self.spring_history or self.rolling_history
+        """Anything of a contact is stored from step to step: lists mark the contacts of the last step.
+
+        LIGGGHTS' rule for meshes asks for them by itself.
+        """
+        return self.spring_history or self.rolling_history or self.meshes == "liggghts"
 
     @property
     def per_particle_mass(self) -> bool:

@@ -85,9 +85,10 @@ def _particles_struct(real: Any, vec3: Any, wide: Any, wide3: Any) -> Any:
         rolling_torque: wp.array[vec3]  # stored for each entry [N m], (capacity,)
         # mutate: rise_array
         rise: wp.array[wide]  # of a fast floor since the contact began [m], -1 apart, (capacity,)
-        mesh_leader: wp.array[wp.int32]  # entry whose contact a triangle is part of; -2: none, (capacity,)
-        mesh_gap: wp.array[wide]  # from the nearest point of the triangle [m], (capacity,)
-        mesh_point: wp.array[wide3]  # that point [m], (capacity,)
+        mesh_near: wp.array[wp.int32]  # a particle's triangles within reach, from wall_start on, (capacity,)
+        mesh_leader: wp.array[wp.int32]  # entry whose contact a triangle is part of; < 0: none, (capacity,)
+        mesh_gap: wp.array[wide]  # from the nearest point of a triangle within reach [m], (capacity,)
+        mesh_normal: wp.array[wide3]  # from there to the particle, (capacity,)
         partial_force: wp.array[vec3]  # from particles before it in its block [N], (n,); half list only
         partial_torque: wp.array[vec3]  # [N m], (n,), likewise
         wall_work: wp.array[wp.float64]  # done by moving walls on the particles at this place [J], (n,)
@@ -115,10 +116,14 @@ def _walls_struct(wide: Any, wide3: Any) -> Any:
         center: wp.array[wide3]  # the point whose velocity is `velocity`, likewise [m]
         surface_velocity: wp.array[wide3]  # of a belt [m/s], (m,)
         bvh: wp.array[wp.uint64]  # of the triangles of a mesh, in its place at the start, (m,)
+        mesh_center: wp.array[wide3]  # of a sphere around a mesh, at the start [m], (m,); periodic sides only
+        mesh_radius: wp.array[wide]  # of that sphere [m], (m,)
         first_triangle: wp.array[wp.int32]  # of a mesh, (m,)
         triangle_wall: wp.array[wp.int32]  # its mesh, (k,)
         corners: wp.array[wide3]  # three of each triangle, at the start [m], (3 k,)
         facing: wp.array[wide3]  # its unit normal, at the start, (k,)
+        middle: wp.array[wide3]  # center of a sphere around it, at the start [m], (k,)
+        extent: wp.array[wide]  # radius of that sphere [m], (k,)
         nodes: wp.array[wp.vec3i]  # numbers of its corners: equal where triangles share them, (k,)
         active: wp.array[wp.int32]  # bits 0..2: edges, 3..5: corners that count by LIGGGHTS' rule, (k,)
 

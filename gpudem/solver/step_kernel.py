@@ -29,10 +29,10 @@ from gpudem.solver.geometry import (
     nearest_image,
     wall_procedure,
 )
-from gpudem.solver.mesh_contacts import mesh_contacts, triangle_apart
+from gpudem.solver.mesh_contacts import mesh_contacts, triangle_apart, wall_entry
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import structs
-from gpudem.solver.wall_frames import element_surface, wall_frame
+from gpudem.solver.wall_frames import wall_frame
 from gpudem.solver.walls import fast_floor_gap
 
 #: Mode bits. SETUP: velocities are at the full step, springs only evaluated. WRITE: store forces, velocities.
@@ -285,9 +285,9 @@ def step_kernel(spec: Spec) -> Any:
     resolve, damping_apart, at_wall = procedure.resolve, procedure.damping_apart, wall_procedure(spec)
     resolve_at_wall, damping_at_wall = at_wall.resolve, at_wall.damping_apart
     nearest = nearest_image(spec.periodic, spec.precision)
-    surface = element_surface(spec) if spec.has_walls else None
     velocity_of_wall = wall_frame(spec).velocity
     decide_on_triangles, makes_no_contact = mesh_contacts(spec), triangle_apart(spec)
+    contact_of_entry = wall_entry(spec) if spec.has_walls else None
     fast_gap = fast_floor_gap(spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -369,16 +369,18 @@ def step_kernel(spec: Spec) -> Any:
             store(particles, k, entry, j, spring, rolling, mode)
 
         if wp.static(spec.has_walls):
-            decide_on_triangles(params, walls, particles, launch, x, radius, first_wall, last)
+            decide_on_triangles(params, walls, particles, launch, i, x, radius, first_wall, last)
             for k in range(first_wall, last):
                 entry = get_int(particles.neighbor, k)
                 other = partner(entry)
-                wall, gap, normal = surface(params, walls, launch, other - params.n, x)
                 if makes_no_contact(params, particles, k, other):
-                    part(particles, k, entry, other)
+                    part(particles, k, entry, other)  # mutate: part_from_triangle
                     continue
+                wall, gap, normal, point = contact_of_entry(
+                    params, walls, particles, launch, i, k, other - params.n, x
+                )
                 at = launch * params.walls + wall
-                v_wall = velocity_of_wall(walls, at, wall, x - gap * normal, normal)
+                v_wall = velocity_of_wall(walls, at, wall, point, normal)
                 if wp.static(spec.fast_floors):
                     gap = fast_gap(params, walls, particles, k, wall, gap, normal, radius, v, dt)
                 wall_pair = laws.wall_pairs[wall * params.materials + material]  # mutate: wall_coefficients

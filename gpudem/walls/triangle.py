@@ -12,7 +12,8 @@ FACE, EDGE, CORNER = wp.constant(0), wp.constant(1), wp.constant(4)
 def nearest_of_triangle(x: Any, a: Any, b: Any, c: Any):
     """(point of the triangle a, b, c nearest to x, feature: FACE, EDGE + k or CORNER + k).
 
-    By the Voronoi regions of its features: Ericson, Real-Time Collision Detection, 2005, section 5.1.5.
+    By the Voronoi regions of its features: Ericson, Real-Time Collision Detection, 2005, section 5.1.5. A
+    point over an edge is one of the face.
     """
     zero = x[0] - x[0]
     ab, ac, ax = b - a, c - a, x - a
@@ -24,17 +25,19 @@ def nearest_of_triangle(x: Any, a: Any, b: Any, c: Any):
     if d3 >= zero and d4 <= d3:
         return b, wp.int32(CORNER + 1)
     vc = d1 * d4 - d3 * d2
-    if vc <= zero and d1 >= zero and d3 <= zero:
+    if vc < zero and d1 >= zero and d3 <= zero:
         return a + (d1 / (d1 - d3)) * ab, wp.int32(EDGE)
     cx = x - c
     d5, d6 = wp.dot(ab, cx), wp.dot(ac, cx)
     if d6 >= zero and d5 <= d6:
         return c, wp.int32(CORNER + 2)
     vb = d5 * d2 - d1 * d6
-    if vb <= zero and d2 >= zero and d6 <= zero:
+    if vb < zero and d2 >= zero and d6 <= zero:
         return a + (d2 / (d2 - d6)) * ac, wp.int32(EDGE + 2)
     va = d3 * d6 - d5 * d4
-    if va <= zero and d4 - d3 >= zero and d5 - d6 >= zero:
+    if va < zero and d4 - d3 >= zero and d5 - d6 >= zero:
         return b + ((d4 - d3) / ((d4 - d3) + (d5 - d6))) * (c - b), wp.int32(EDGE + 1)
     scale = va + vb + vc
+    if scale <= zero:  # three corners on a line, which a scene refuses: no division by zero
+        return a, wp.int32(CORNER)
     return a + (vb / scale) * ab + (vc / scale) * ac, wp.int32(FACE)
