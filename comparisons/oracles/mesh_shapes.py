@@ -6,11 +6,12 @@ import itertools
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
-def rectangle(a: np.ndarray, u: np.ndarray, v: np.ndarray, cells: tuple[int, int] = (1, 1)) -> np.ndarray:
+def rectangle(a: ArrayLike, u: ArrayLike, v: ArrayLike, cells: tuple[int, int] = (1, 1)) -> np.ndarray:
     """The rectangle a, a + u, a + u + v, a + v in cells of two triangles; normal along u x v."""
-    a, u, v = (np.asarray(w, float) for w in (a, u, v))
+    a, u, v = np.asarray(a, float), np.asarray(u, float), np.asarray(v, float)
     found = []
     for i in range(cells[0]):
         for j in range(cells[1]):

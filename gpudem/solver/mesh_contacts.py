@@ -1,4 +1,4 @@
-# pyright: reportInvalidTypeForm=false, reportOptionalCall=false
+# pyright: reportInvalidTypeForm=false, reportOptionalCall=false, reportArgumentType=false
 """Which triangles near a particle make contacts, and which contact of the last step each goes on with.
 
 Before the forces of a particle, its triangles are looked at together: `mesh_leader` of an entry is the entry
@@ -136,9 +136,9 @@ def wall_entry(spec: Spec) -> Any:
             if e >= params.walls:
                 code = e - params.walls
                 w = walls.triangle_wall[triangle(code)]
-                gap, normal = particles.mesh_gap[k], particles.mesh_normal[k]
+                gap_k, normal_k = particles.mesh_gap[k], particles.mesh_normal[k]
                 here = shifted(params, walls, particles, i, launch * params.walls + w, code, x)
-                return w, gap, normal, here - gap * normal
+                return w, gap_k, normal_k, here - gap_k * normal_k
         if wp.static(bool(spec.walls)):
             gap, normal = surface(params, walls, launch, e, x)
             return e, gap, normal, x - gap * normal

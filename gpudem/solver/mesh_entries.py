@@ -1,4 +1,4 @@
-# pyright: reportInvalidTypeForm=false
+# pyright: reportInvalidTypeForm=false, reportIndexIssue=false, reportOperatorIssue=false
 """Triangles in the list: what an entry means, where the particle is as its mesh sees it, the surface there.
 
 The entry of triangle e is n + (number of walls) + e. With periodic sides one triangle may be near a particle
@@ -19,7 +19,6 @@ from gpudem.solver.spec import Spec
 from gpudem.solver.state import structs
 from gpudem.solver.wall_frames import wall_frame
 from gpudem.walls.triangle import FACE, nearest_of_triangle
-
 
 #: Rounding of a gap, as a share of it.
 BEYOND_EDGE = {"float64": 2.0**-51, "mixed": 2.0**-51, "float32": 2.0**-22}
@@ -62,18 +61,18 @@ def mesh_entry(spec: Spec) -> SimpleNamespace:
     def coded(particles: Particles, i: wp.int32, e: wp.int32, sides: wp.vec3i):
         code = wp.int32(0) + e
         if wp.static(periodic[0]):
-            code = 3 * code + modulo_3(sides[0] + particles.image[i][0])
+            code = 3 * code + modulo_3(sides[0] - particles.image[i][0])
         if wp.static(periodic[1]):
-            code = 3 * code + modulo_3(sides[1] + particles.image[i][1])  # mutate: image_of_entry
+            code = 3 * code + modulo_3(sides[1] - particles.image[i][1])  # mutate: image_of_entry
         if wp.static(periodic[2]):
-            code = 3 * code + modulo_3(sides[2] + particles.image[i][2])
+            code = 3 * code + modulo_3(sides[2] - particles.image[i][2])
         return code
 
     @wp.func
     def sides_of(away: wide, digit: wp.int32, crossings: wp.int32):
-        """The number nearest to `away` [sides] that leaves digit - crossings when divided by 3."""
+        """The number nearest to `away` [sides] that leaves digit + crossings when divided by 3."""
         nearest = wp.int32(wp.floor(away + wide(0.5)))
-        return nearest + modulo_3(digit - crossings - nearest + 1) - 1  # mutate: sides_of_entry
+        return nearest + modulo_3(digit + crossings - nearest + 1) - 1  # mutate: sides_of_entry
 
     @wp.func
     def shifted(

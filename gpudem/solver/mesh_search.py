@@ -1,4 +1,4 @@
-# pyright: reportInvalidTypeForm=false
+# pyright: reportArgumentType=false, reportCallIssue=false, reportIndexIssue=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 """The search for the triangles near a particle, at a rebuild of the list."""
 
 import functools

@@ -89,8 +89,8 @@ class MeshTables:
         """A tree over boxes around the triangles, in float32, rounded outwards."""
         low, high = triangles.min(axis=1).astype(np.float32), triangles.max(axis=1).astype(np.float32)
         low, high = np.nextafter(low, np.float32(-np.inf)), np.nextafter(high, np.float32(np.inf))
-        boxes = [wp.array(side, dtype=wp.vec3, device=self.state.device) for side in (low, high)]
-        self._trees.append(wp.Bvh(*boxes))
+        lowers, uppers = (wp.array(side, dtype=wp.vec3, device=self.state.device) for side in (low, high))
+        self._trees.append(wp.Bvh(lowers, uppers))
         return self._trees[-1]
 
     def attach(self, walls: Any) -> None:

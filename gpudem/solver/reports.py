@@ -1,4 +1,4 @@
-# pyright: reportInvalidTypeForm=false
+# pyright: reportArgumentType=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 """What a rebuild reports of a particle: one number, the smallest of a block of particles stays."""
 
 import warp as wp

@@ -114,8 +114,8 @@ def wall_table(state: State, scene: Scene, chunk: int, present: list[Wall]) -> A
         ("direction", "point", "size"), zip(*(wall.shape() for wall in elements), strict=True), strict=True
     ):
         setattr(walls, name, table(np.array(column, float), t.wide3))
+    m = len(elements)
     if state.spec.moving_walls:
-        m = len(elements)
         walls.displacement = table(np.zeros((m * chunk, 3)), t.wide3)
         velocity = np.array([wall.velocity for wall in elements])
         walls.velocity = table(np.tile(velocity, (chunk if state.spec.turning_walls else 1, 1)), t.wide3)

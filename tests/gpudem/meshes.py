@@ -77,9 +77,10 @@ def forces(
     grid = np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)[:count]
     offsets = (grid - (side - 1) / 2) * 2 * extent
     walls = [mesh(_at(p, offsets, turn), f"part{k}") for k, p in enumerate(parts)]
-    solver_keys = {"solver": {"precision": options.pop("precision")}} if "precision" in options else {}
-    scene = mesh_scene(walls, (positions[:count] + offsets) @ turn.T, radius=radius,
-                       contact=contact or {}, **solver_keys)  # fmt: skip
+    changes: dict[str, Any] = {"contact": contact or {}}
+    if "precision" in options:
+        changes["solver"] = {"precision": options.pop("precision")}
+    scene = mesh_scene(walls, (positions[:count] + offsets) @ turn.T, radius=radius, **changes)
     solver = Solver(scene, threads=1, **options)
     found = []
     for first in range(0, len(positions), count):
@@ -99,10 +100,8 @@ def _at(corners: np.ndarray, offsets: np.ndarray, turn: np.ndarray) -> np.ndarra
 
 def _put(solver: Solver, positions: np.ndarray) -> None:
     """Every ball at rest at its new place, by id."""
-    bodies = solver.state.now.numpy()
-    for name in bodies.dtype.names:
-        if not name.startswith("pad"):
-            bodies[name] = 0.0
+    bodies: Any = solver.state.now.numpy()
+    bodies[:] = np.zeros(1, bodies.dtype)
     bodies["position"] = positions[solver.state.particles.id.numpy()]
     solver.state.now.assign(bodies)
 
@@ -111,4 +110,4 @@ def random_turn(seed: int) -> np.ndarray:
     """A random rotation matrix."""
     from scipy.spatial.transform import Rotation
 
-    return Rotation.random(random_state=seed).as_matrix()
+    return Rotation.from_quat(np.random.default_rng(seed).normal(size=4)).as_matrix()

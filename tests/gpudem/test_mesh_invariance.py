@@ -45,7 +45,11 @@ CHANGES = {
     "divided": lambda c: (divided(c, 3, 2 * len(c)), None, 1e-9),
     "duplicated": lambda c: (np.concatenate([c, shuffled(c, 4)]), None, 1e-10),
     "two meshes": lambda c: (parts(c, 2), None, 1e-10),
-    "a mesh a triangle": lambda c: ([*parts(c[:12], min(12, len(c))), *([c[12:]] * (len(c) > 12))], None, 1e-10),
+    "a mesh a triangle": lambda c: (
+        [*parts(c[:12], min(12, len(c))), *([c[12:]] * (len(c) > 12))],
+        None,
+        1e-10,
+    ),
     "turned": lambda c: (c, random_turn(5), 1e-9),
     "float32": lambda c: (c.astype(np.float32).astype(float), None, 1e-4),
 }
