@@ -105,13 +105,13 @@ def divided(corners: np.ndarray, seed: int, times: int) -> np.ndarray:
 
 def positions_near(corners: np.ndarray, radius: float, count: int, seed: int) -> np.ndarray:
     """Random places [m] nearer than `radius` to a mesh, none of them in the reach of a guard."""
-    from gpudem.scene.mesh import nearest_distance
+    from gpudem.scene.mesh_distance import distance_to_triangles
 
     rng, found = np.random.default_rng(seed), np.empty((0, 3))
     low, high = corners.min(axis=(0, 1)) - radius, corners.max(axis=(0, 1)) + radius
     while len(found) < count:
         tried = rng.uniform(low, high, (count, 3))
-        gap = nearest_distance(tried, corners)
+        gap = distance_to_triangles(tried, corners)
         found = np.concatenate([found, tried[(gap < 0.999 * radius) & (gap > 0.55 * radius)]])
     return found[:count]
 

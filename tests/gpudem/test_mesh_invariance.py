@@ -21,6 +21,8 @@ from gpudem.solver.solver import Solver
 from tests.gpudem.beds import finish
 from tests.gpudem.meshes import forces, hertz, mesh, mesh_scene, random_turn
 
+pytestmark = pytest.mark.long
+
 RADIUS = 0.05
 SHAPES = {
     "floor and wall": corner(np.pi / 2, 0.1),

@@ -12,6 +12,8 @@ from comparisons.oracles.mesh_shapes import census, corner, cube, faceted_sphere
 from gpudem.solver.solver import Solver
 from tests.gpudem.meshes import MATERIALS, forces, hertz, mesh, mesh_scene, total_force
 
+pytestmark = pytest.mark.long
+
 CENSUS = {name: (corners, radius) for name, corners, radius in census()}
 #: Random positions of each mesh: 1700 x 6 meshes are some 10 000.
 POSITIONS = 1700

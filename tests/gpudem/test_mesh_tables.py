@@ -42,6 +42,7 @@ def test_spheres_hold_their_triangles():
     assert outside.min() > 0.999
 
 
+@pytest.mark.long
 def test_a_hundred_thousand_triangles(monkeypatch):
     """Tables in a second; 1e5 balls, each on its own place of the mesh, touch it once."""
     floor = rectangle((-5, -5, 0), (10, 0, 0), (0, 10, 0), (224, 224))
@@ -59,6 +60,7 @@ def test_a_hundred_thousand_triangles(monkeypatch):
     solver.close()
 
 
+@pytest.mark.long
 def test_a_ball_of_thousands_of_entries():
     """A ball 50 times a triangle, in disorder: the plane's contact, and its spring over rebuilds."""
     fine = shuffled(rectangle((-0.06, -0.06, 0), (0.12, 0, 0), (0, 0.12, 0), (60, 60)), 1)
@@ -84,6 +86,7 @@ def test_a_ball_of_thousands_of_entries():
     assert np.abs(exact["torque"]).max() > 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("precision", "tolerance"), [("float64", 1e-9), ("float32", 2e-2)])
 def test_a_triangle_a_thousand_balls_long(precision, tolerance):
     """Two slivers of 100 m x 0.2 m: the force of the plane at every place, over their seam too."""
