@@ -120,8 +120,8 @@ def mesh_place(spec: Spec) -> Any:
 
 @functools.cache
 def wall_entry(spec: Spec) -> Any:
-    """A function of entry k, element e: wall e, or a triangle that makes a contact -> (wall, gap [m], normal,
-    the wall's nearest point where the wall is [m]).
+    """A function of entry k, of a wall or of a triangle that makes a contact, and its partner -> (wall,
+    gap [m], normal, the wall's nearest point where the wall is [m]).
     """
     t = structs(spec.precision)
     entry, surface = mesh_entry(spec), element_surface(spec) if spec.walls else None
@@ -130,8 +130,9 @@ def wall_entry(spec: Spec) -> Any:
     @wp.func
     def contact_of(
         params: t.Params, walls: t.Walls, particles: t.Particles, launch: wp.int32, i: wp.int32,
-        k: wp.int32, e: wp.int32, x: t.wide3,
+        k: wp.int32, other: wp.int32, x: t.wide3,
     ):  # fmt: skip
+        e = other - params.n
         if wp.static(bool(spec.meshes)):
             if e >= params.walls:
                 code = e - params.walls

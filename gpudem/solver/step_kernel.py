@@ -287,7 +287,7 @@ def step_kernel(spec: Spec) -> Any:
     nearest = nearest_image(spec.periodic, spec.precision)
     velocity_of_wall = wall_frame(spec).velocity
     decide_on_triangles, makes_no_contact = mesh_contacts(spec), triangle_apart(spec)
-    contact_of_entry = wall_entry(spec) if spec.has_walls else None
+    contact_of = wall_entry(spec) if spec.has_walls else None
     fast_gap = fast_floor_gap(spec.precision)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -376,9 +376,7 @@ def step_kernel(spec: Spec) -> Any:
                 if makes_no_contact(params, particles, k, other):
                     part(particles, k, entry, other)  # mutate: part_from_triangle
                     continue
-                wall, gap, normal, point = contact_of_entry(
-                    params, walls, particles, launch, i, k, other - params.n, x
-                )
+                wall, gap, normal, point = contact_of(params, walls, particles, launch, i, k, other, x)
                 at = launch * params.walls + wall
                 v_wall = velocity_of_wall(walls, at, wall, point, normal)
                 if wp.static(spec.fast_floors):
