@@ -11,12 +11,13 @@ import numpy as np
 from comparisons import kit
 from comparisons.cases.gas import scenes as gases
 from comparisons.cases.gas.checks import EARLY, HARD, collisions, conserved, early_checks, hard, no_overlap
+from comparisons.cases.side_by_side import floor
 from comparisons.harness import codes
 from comparisons.metrics import engines
 from comparisons.oracles import column
 from comparisons.report import plots
 from gpudem.output.run import Run
-from gpudem.scene import Domain, Lattice, Output, Plane, Scene, Time
+from gpudem.scene import Domain, Lattice, Output, Scene, Time
 
 DIAMETER, GRAVITY, COUNT, CELLS, STEPS = gases.DIAMETER, 9.81, 392, 7, 30
 #: Spheres per floor area of a square diameter; starts as a lattice eight layers high.
@@ -48,7 +49,7 @@ def scene(seed: int, restitution: float, contact_time: float, duration: float, *
             velocity_rms=RMS, seed=seed,
         ),
         gravity=(0.0, 0.0, -GRAVITY),
-        walls=[Plane(name="floor", material="floor", point=(0, 0, 0), normal=(0, 0, 1))],
+        walls=[floor()],
         domain=Domain(lo=(0, 0, 0), hi=(EDGE, EDGE, 0.6), periodic=(True, True, False)),
         time=Time(step=contact_time / STEPS, duration=duration), output=Output(**output),
     )  # fmt: skip

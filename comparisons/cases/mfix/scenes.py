@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 
-from comparisons.cases.side_by_side import every_pair, floor
+from comparisons.cases.side_by_side import every_pair, floor, plane, traced
 from comparisons.cases.single_contact.meetings import Meeting
 from comparisons.oracles import linear
-from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Plane, Scene, Time
+from gpudem.scene import Contact, Explicit, Material, Pair, Scene
 
 GRAVITY = 9.80665
+DOWN = (0.0, 0.0, -GRAVITY)
 #: Velocity [m/s] at which `hooke` takes its stiffness from E; arbitrary, since E is computed for it.
 SPEED = 1.0
 POISSON = 0.3
@@ -65,14 +66,12 @@ def falls(
     names = [f"ball_{k}" for k in range(len(rows))]
     pairs = [Pair(materials=(n, "floor"), restitution=e) for n, (_, e) in zip(names, rows, strict=True)]
     materials = {n: ball(k, BALL, DENSITY) for n, (k, _) in zip(names, rows, strict=True)}
-    return Scene(
-        name=name, materials=materials | {"floor": FLOOR}, pairs=every_pair(names, pairs), contact=HOOKE,
-        particles=Explicit(
-            position=[(0.3 * k, 0.0, BALL + DROP) for k in range(len(rows))], radius=BALL, material=names
-        ),
-        gravity=(0.0, 0.0, -GRAVITY), walls=[floor()],
-        domain=Domain(lo=(-0.2, -0.2, -0.1), hi=(0.3 * len(rows), 0.2, 0.7)),
-        time=Time(step=step, duration=duration), output=Output(trace_every=every),
+    place = [(0.3 * k, 0.0, BALL + DROP) for k in range(len(rows))]
+    return traced(
+        name, Explicit(position=place, radius=BALL, material=names),
+        materials=materials | {"floor": FLOOR}, pairs=every_pair(names, pairs), contact=HOOKE,
+        gravity=DOWN, walls=[floor()], lo=(-0.2, -0.2, -0.1), hi=(0.3 * len(rows), 0.2, 0.7),
+        step=step, duration=duration, every=every,
         allow=["large_overlap"],  # at 1e4 N/m as in MFIX: the softest sinks in by more than half its radius
     )  # fmt: skip
 
@@ -97,16 +96,13 @@ def column() -> Scene:
         pairs += [
             Pair(materials=p, restitution=e) for p in ((below, "floor"), (below, above), (above, "roof"))
         ]
-    return Scene(
-        name="dem03", materials=materials, pairs=every_pair([*balls, "floor", "roof"], pairs), contact=HOOKE,
-        particles=Explicit(
-            position=[(0.002 * (k // 2), 0.0, HEIGHTS[k % 2]) for k in range(len(balls))],
-            radius=GRAIN, material=balls,
-        ),
-        gravity=(0.0, 0.0, -GRAVITY),
-        walls=[floor(), Plane(name="roof", material="roof", point=(0, 0, ROOF), normal=(0, 0, -1))],
-        domain=Domain(lo=(-0.002, -0.002, 0.0), hi=(0.002 * len(RESTITUTIONS), 0.002, ROOF)),
-        time=Time(step=1e-7, duration=1e-3), output=Output(trace_every=1e-6), allow=["overlap"],
+    place = [(0.002 * (k // 2), 0.0, HEIGHTS[k % 2]) for k in range(len(balls))]
+    return traced(
+        "dem03", Explicit(position=place, radius=GRAIN, material=balls),
+        materials=materials, pairs=every_pair([*balls, "floor", "roof"], pairs), contact=HOOKE,
+        gravity=DOWN, walls=[floor(), plane("roof", (0, 0, ROOF), (0, 0, -1), "roof")],
+        lo=(-0.002, -0.002, 0.0), hi=(0.002 * len(RESTITUTIONS), 0.002, ROOF),
+        step=1e-7, duration=1e-3, every=1e-6, allow=["overlap"],
     )  # fmt: skip
 
 
@@ -115,16 +111,14 @@ def throws() -> Scene:
     names = [f"ball_{k}" for k in range(len(FRICTIONS))]
     rest = sphere_mass(GRAIN, THROWN_DENSITY) * GRAVITY / THROWN_SPRING
     pairs = [Pair(materials=(n, "floor"), friction=mu) for n, mu in zip(names, FRICTIONS, strict=True)]
-    return Scene(
-        name="dem04", pairs=every_pair(names, pairs), contact=HOOKE,
+    place = [(0.0, 0.002 * k, GRAIN - rest) for k in range(len(names))]
+    speed = [(THROW, 0.0, 0.0)] * len(names)
+    return traced(
+        "dem04", Explicit(position=place, velocity=speed, radius=GRAIN, material=names),
         materials=dict.fromkeys(names, ball(THROWN_SPRING, GRAIN, THROWN_DENSITY)) | {"floor": FLOOR},
-        particles=Explicit(
-            position=[(0.0, 0.002 * k, GRAIN - rest) for k in range(len(names))],
-            velocity=[(THROW, 0.0, 0.0)] * len(names), radius=GRAIN, material=names,
-        ),
-        gravity=(0.0, 0.0, -GRAVITY), walls=[floor()],
-        domain=Domain(lo=(-0.001, -0.001, -0.0001), hi=(0.01, 0.002 * len(names), 0.004)),
-        time=Time(step=1e-6, duration=0.02), output=Output(trace_every=2e-5),
+        pairs=every_pair(names, pairs), contact=HOOKE, gravity=DOWN, walls=[floor()],
+        lo=(-0.001, -0.001, -0.0001), hi=(0.01, 0.002 * len(names), 0.004),
+        step=1e-6, duration=0.02, every=2e-5,
     )  # fmt: skip
 
 
@@ -133,15 +127,13 @@ def pellets() -> Scene:
     angle = np.radians(ANGLES)
     velocity = np.stack([IMPACT * np.sin(angle), 0 * angle, -IMPACT * np.cos(angle)], axis=1)
     position = [(0.0, 0.01 * k, PELLET - v * FLIGHT) for k, v in enumerate(velocity[:, 2])]
-    return Scene(
-        name="dem05", materials={"alumina": ALUMINA, "glass": GLASS},
+    return traced(
+        "dem05", Explicit(position=position, velocity=velocity, radius=PELLET, material="alumina"),
+        materials={"alumina": ALUMINA, "glass": GLASS}, walls=[floor("glass")],
         pairs=[
             Pair(materials=("alumina", "alumina")), Pair(materials=("alumina", "glass"), friction=SLIDING)
         ],
-        particles=Explicit(position=position, velocity=velocity, radius=PELLET, material="alumina"),
-        walls=[floor("glass")],
-        domain=Domain(lo=(-0.01, -0.01, -0.001), hi=(0.01, 0.01 * len(ANGLES), 0.01)),
-        time=Time(step=PELLET_STEP, duration=1.8e-5), output=Output(trace_every=PELLET_STEP),
+        lo=(-0.01, -0.01, -0.001), hi=(0.01, 0.01 * len(ANGLES), 0.01), step=PELLET_STEP, duration=1.8e-5,
     )  # fmt: skip
 
 

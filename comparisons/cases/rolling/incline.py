@@ -11,7 +11,7 @@ from comparisons.cases.rolling.scenes import GRAVITY, arm, on_plane, rate, step_
 from comparisons.oracles.rolling import down_slope, sticking_limit
 from comparisons.report import plots
 from gpudem.output.run import Run
-from gpudem.scene import Domain, Output, Scene, Time
+from gpudem.scene import Scene
 
 SLOPES = (20.0, 45.0)
 #: Friction as a multiple of 2/7 tan(slope), where rolling ends.
@@ -27,9 +27,9 @@ def frictions(slope: float) -> list[float]:
 def scene(slope: float) -> Scene:
     """All spheres of one slope, at rest."""
     return on_plane(
-        [{"friction": mu} for mu in frictions(slope)], slope=slope, name=f"incline_{slope:g}",
-        domain=Domain(lo=(-0.01, -0.01, -0.001), hi=(0.1, 0.01 * len(SHARES), 0.01)),
-        time=Time(step=4e-6, duration=DURATION), output=Output(trace_every=2e-4),
+        f"incline_{slope:g}", [{"friction": mu} for mu in frictions(slope)], slope=slope,
+        lo=(-0.01, -0.01, -0.001), hi=(0.1, 0.01 * len(SHARES), 0.01),
+        step=4e-6, duration=DURATION, every=2e-4,
     )  # fmt: skip
 
 

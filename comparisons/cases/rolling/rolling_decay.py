@@ -11,7 +11,7 @@ from comparisons.cases.rolling.scenes import GRAVITY, arm, on_plane, rate, step_
 from comparisons.oracles.rolling import resisted
 from comparisons.report import plots
 from gpudem.output.run import Run
-from gpudem.scene import Contact, Domain, Output, Scene, Time
+from gpudem.scene import Contact, Scene
 
 FRICTION = 0.6
 #: Law -> line in figures.
@@ -28,11 +28,11 @@ def scene(law: str, slope: float) -> Scene:
     tangent = math.tan(math.radians(slope))
     rows = [(0.0, share * tangent) for share in SHARES] if slope else list(ROLLS)
     return on_plane(
-        [{"friction": FRICTION, "rolling_friction": mu} for _, mu in rows], slope=slope,
-        velocity=[(u, 0.0, 0.0) for u, _ in rows], rolling=True, name=f"{law}_{slope:g}",
+        f"{law}_{slope:g}", [{"friction": FRICTION, "rolling_friction": mu} for _, mu in rows], slope=slope,
+        velocity=[(u, 0.0, 0.0) for u, _ in rows], rolling=True,
         contact=Contact(rolling=law),  # pyright: ignore[reportArgumentType]
-        domain=Domain(lo=(-0.01, -0.01, -0.001), hi=(0.1, 0.01 * len(rows), 0.01)),
-        time=Time(step=4e-6, duration=SLOPE_TIME if slope else FLAT_TIME), output=Output(trace_every=4e-4),
+        lo=(-0.01, -0.01, -0.001), hi=(0.1, 0.01 * len(rows), 0.01),
+        step=4e-6, duration=SLOPE_TIME if slope else FLAT_TIME, every=4e-4,
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from comparisons import kit
-from comparisons.cases.side_by_side import every_pair, floor
+from comparisons.cases.side_by_side import every_pair, floor, traced
 from comparisons.oracles.bodies import bodies
 from comparisons.oracles.rolling import Arm
 from gpudem.output.run import Run
@@ -22,6 +22,7 @@ FLOOR = Material(young=1e8, poisson=0.37, density=1185.0)
 
 
 def on_plane(
+    name: str,
     properties: Sequence[dict[str, float]],
     *,
     slope: float = 0.0,
@@ -34,7 +35,8 @@ def on_plane(
     """One sphere for each entry of `properties`, those of its pair with the floor, at its static overlap: a
     higher start bounces, a deeper one hops. Gravity is tilted by `slope` [deg], not the plane.
 
-    Velocities [m/s]: at rest if None; with `rolling` the spin that goes with a velocity along x.
+    Velocities [m/s]: at rest if None; with `rolling` the spin that goes with a velocity along x. `fields` go
+    to `traced`.
     """
     angle, names = math.radians(slope), [f"ball_{k}" for k in range(len(properties))]
     pairs = [
@@ -46,10 +48,10 @@ def on_plane(
         if rolling and velocity is not None:
             motion["angular_velocity"] = [(0.0, v[0] / (RADIUS - overlap / 2), 0.0) for v in velocity]
         position = [(0.0, spacing * k, RADIUS - overlap) for k in range(len(names))]
-        return Scene(
+        return traced(
+            name, Explicit(position=position, radius=RADIUS, material=names, **motion),
             materials=dict.fromkeys(names, materials[0]) | {"floor": materials[1]},
             pairs=every_pair(names, pairs, restitution=0.5),
-            particles=Explicit(position=position, radius=RADIUS, material=names, **motion),
             gravity=(GRAVITY * math.sin(angle), 0.0, -GRAVITY * math.cos(angle)), walls=[floor()],
             **fields,
         )  # fmt: skip

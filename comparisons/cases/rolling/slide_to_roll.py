@@ -10,7 +10,7 @@ from comparisons.metrics.trace import slip_end
 from comparisons.oracles import closed_forms
 from comparisons.report import plots
 from gpudem.output.run import Run
-from gpudem.scene import Contact, Domain, Material, Output, Scene, Time
+from gpudem.scene import Contact, Material, Scene
 
 #: Throwing speed [m/s], direction in the floor's plane, friction with the floor.
 THROWS = ((0.5, (1.0, 0.0), 0.3), (1.0, (0.0, 1.0), 0.5), (0.35, (-0.6, 0.8), 0.2))
@@ -27,12 +27,11 @@ EXACT, DEFAULT = "dashpot_off", "default"
 def scene(dashpot: bool) -> Scene:
     """All throws."""
     return on_plane(
-        [{"friction": mu} for _, _, mu in THROWS], materials=(BALL, FLOOR), spacing=0.03,
-        velocity=[(u * d[0], u * d[1], 0.0) for u, d, _ in THROWS], name="slide_to_roll",
+        "slide_to_roll", [{"friction": mu} for _, _, mu in THROWS], materials=(BALL, FLOOR), spacing=0.03,
+        velocity=[(u * d[0], u * d[1], 0.0) for u, d, _ in THROWS],
         title=f"spheres thrown along a floor, tangential_damping {'on' if dashpot else 'off'}",
-        contact=Contact(tangential_damping=dashpot),
-        domain=Domain(lo=(-0.2, -0.2, -0.001), hi=(0.2, 0.3, 0.05)),
-        time=Time(step=1e-5, duration=DURATION), output=Output(trace_every=4e-5),
+        contact=Contact(tangential_damping=dashpot), lo=(-0.2, -0.2, -0.001), hi=(0.2, 0.3, 0.05),
+        step=1e-5, duration=DURATION, every=4e-5,
     )  # fmt: skip
 
 
