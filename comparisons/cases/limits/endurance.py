@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -125,14 +126,8 @@ def _advice(results: kit.Results) -> kit.Rows:
     return [{"choose": "duration", "by": text}]
 
 
-def _each(name: str, measure, tolerance, reason: str, catches: str, against: str, **fields) -> kit.PerCode:
-    """A check of each configuration but float32."""
-    return kit.per_configuration(
-        CONFIGURATIONS, name, measure, without=(SINGLE,), tolerance=tolerance, reason=reason,
-        catches=catches, against=against, **fields,
-    )  # fmt: skip
-
-
+#: A check of each configuration but float32.
+each = functools.partial(kit.per_configuration, CONFIGURATIONS, without=(SINGLE,))
 CASE = kit.Case(
     name="endurance",
     title="At rest for a minute, a thousand balls high, ten million collisions",
@@ -147,42 +142,46 @@ CASE = kit.Case(
     source="Hertz (1882): overlaps under the weight; ODE of the elastic chain (DOP853, rtol 1e-10).",
     variants=variants,
     checks=(
-        _each(
-            "bed at rest without friction: kinetic energy at the end / fall by a diameter", still, STILL,
-            "its slowest oscillation decays exponentially, 1e-7 in 3 s, down to the rounding of the forces"
-            " (mixed: 6e-8 of each)",
-            "a dashpot or spring that adds energy, a neighbor list that disturbs a bed at rest", "rest",
+        each(
+            "bed at rest without friction: kinetic energy at the end / fall by a diameter", still,
+            tolerance=STILL,
+            reason="its slowest oscillation decays exponentially, 1e-7 in 3 s, down to the rounding of the"
+            " forces (mixed: 6e-8 of each)",
+            catches="a dashpot or spring that adds energy, a neighbor list that disturbs a bed at rest",
+            against="rest",
         ),
-        _each(
-            "bed at rest without friction: largest way of a ball in the last half / radius", creep, CREEP,
-            "what remains of the slowest oscillation", "creep: positions that rounding moves one way", "rest",
+        each(
+            "bed at rest without friction: largest way of a ball in the last half / radius", creep,
+            tolerance=CREEP, reason="what remains of the slowest oscillation", against="rest",
+            catches="creep: positions that rounding moves one way",
         ),
-        _each(
+        each(
             "column at rest: largest way of a ball / that of the wave beside it",
-            lambda results, one: column(results, one, 0), 1e-4,
-            "float64: 1e-16 of 6 m by 5e-8 m, oscillating; mixed: 6e-8 of the overlaps of all contacts below,"
-            " added up",
-            "a column that sinks, an overlap that is off by the rounding of a height", "closed form",
-            changes={MIXED.title: {"tolerance": 0.05}},
+            lambda results, one: column(results, one, 0), tolerance=1e-4,
+            reason="float64: 1e-16 of 6 m by 5e-8 m, oscillating; mixed: 6e-8 of the overlaps of all contacts"
+            " below, added up",
+            catches="a column that sinks, an overlap that is off by the rounding of a height",
+            against="closed form", changes={MIXED.title: {"tolerance": 0.05}},
         ),
-        _each(
+        each(
             "column: wave from the top, largest error of the way / largest way",
-            lambda results, one: column(results, one, 1), 0.004,
-            "second order in the step: (w h)^2/24 of the fastest modes of a push; mixed: as at rest",
-            "a load passed on to the wrong neighbor, a spring constant off by a thousandth",
-            "ODE (DOP853, rtol 1e-10)", changes={MIXED.title: {"tolerance": 0.05}},
+            lambda results, one: column(results, one, 1), tolerance=0.004,
+            reason="second order in the step: (w h)^2/24 of the fastest modes of a push; mixed: as at rest",
+            catches="a load passed on to the wrong neighbor, a spring constant off by a thousandth",
+            against="ODE (DOP853, rtol 1e-10)", changes={MIXED.title: {"tolerance": 0.05}},
         ),
-        _each(
-            "gas: energy, largest change over all collisions", drift, DRIFT,
-            "each collision has an error that depends on the phase of its beginning within a step; the sum is"
-            " a random walk",
-            "collisions that gain or lose energy on average, a pair missing in the neighbor list",
-            "conservation",
+        each(
+            "gas: energy, largest change over all collisions", drift, tolerance=DRIFT,
+            reason="each collision has an error that depends on the phase of its beginning within a step; the"
+            " sum is a random walk",
+            catches="collisions that gain or lose energy on average, a pair missing in the neighbor list",
+            against="conservation",
         ),
-        _each(
-            "fine gas: energy, largest change in 1e5 steps", fine, 1e-6,
-            f"third order in the step for the smooth start of Hertz' force, {scenes.FINE} steps per contact",
-            "a scheme that is not symplectic where there is no damping", "conservation",
+        each(
+            "fine gas: energy, largest change in 1e5 steps", fine, tolerance=1e-6,
+            reason="third order in the step for the smooth start of Hertz' force,"
+            f" {scenes.FINE} steps per contact",
+            catches="a scheme that is not symplectic where there is no damping", against="conservation",
         ),
     ),
     findings=(
