@@ -25,6 +25,7 @@ from comparisons.harness.case import (
 from comparisons.harness.check_builders import (
     Compared,
     Found,
+    Observe,
     check,
     checks,
     observed_order,
@@ -40,9 +41,9 @@ from comparisons.harness.numbers import number
 
 __all__ = [
     "LONG", "TIERS", "Case", "Check", "Compared", "Configuration", "Configurations", "Figure", "Finding",
-    "Found", "Measured", "PerCode", "PerPair", "Results", "Rows", "Table", "Tier", "Unmeasured", "Variant",
-    "check", "checks", "largest", "median", "number", "observed_order", "per_code", "per_configuration",
-    "per_pair", "per_quantity", "precisions", "relative", "step_by_step", "table",
+    "Found", "Measured", "Observe", "PerCode", "PerPair", "Results", "Rows", "Table", "Tier", "Unmeasured",
+    "Variant", "check", "checks", "largest", "median", "number", "observed_order", "per_code",
+    "per_configuration", "per_pair", "per_quantity", "precisions", "relative", "step_by_step", "table",
 ]  # fmt: skip
 
 #: The tiers that take minutes and more.

@@ -8,12 +8,13 @@ from comparisons import kit
 from comparisons.cases.chung_ooi.checks import PAPER, against_ode, distance
 from comparisons.cases.chung_ooi.figures import POINTS, READ, by_code
 from comparisons.cases.chung_ooi.scenes import T1, T2, T3, Test, published
-from comparisons.cases.single_contact.checks import SECOND_ORDER, closed_forms, step_by_step
+from comparisons.cases.single_contact import checks as shared
 from comparisons.cases.single_contact.meetings import exact, ladder, overlap
 from comparisons.report import plots
 from gpudem.output.run import Run
 
 TESTS = (T1, T2, T3)
+REBOUND = {"rebound [1]": shared.QUANTITIES["rebound [1]"]}
 FIRST_ORDER = "the dashpot uses half-step velocities: first order, larger for smaller e"
 #: What the force is published against -> tolerance of test 1, of test 2.
 PUBLISHED = {"time": (1.5e-2, 4e-3), "displacement": (7e-3, 1.7e-2)}
@@ -160,13 +161,13 @@ CASE = kit.Case(
         for label, dt in ladder(tier, test.flight).items()
     ],
     checks=(
-        *(c for t in TESTS for c in step_by_step(t.meetings(), spin=False, prefix=f"T{t.number}_")),
-        *closed_forms("T1", T1.meetings(), 2e-5, "T1_", SECOND_ORDER),
-        *closed_forms("T2", T2.meetings(), 2e-5, "T2_", SECOND_ORDER),
+        *(c for t in TESTS for c in shared.step_by_step(t.meetings(), spin=False, prefix=f"T{t.number}_")),
+        *shared.against_closed_forms("T1", T1.meetings(), 2e-5, "T1_", shared.SECOND_ORDER),
+        *shared.against_closed_forms("T2", T2.meetings(), 2e-5, "T2_", shared.SECOND_ORDER),
         *against_ode(
             T3, "T3_", {"quick": 1e-3, "standard": 3e-4, "full": 3e-4}, (0.85, 1.15), FIRST_ORDER
         ),
-        *closed_forms("T3", T3.meetings(), 1e-3, "T3_", FIRST_ORDER, quantities=("rebound",)),
+        *shared.against_closed_forms("T3", T3.meetings(), 1e-3, "T3_", FIRST_ORDER, REBOUND),
         *force_checks(T1),
         *force_checks(T2),
         kit.per_code(

@@ -71,15 +71,14 @@ def _sliding_line(ax: plots.Axes, test: Test) -> None:
 def finals_table(test: Test, prefix: str, **fields: Any) -> kit.Table:
     """v_n', v_t' and R w' of the finest run of each code beside the ODE."""
 
-    def finals(results: kit.Results, code: str, k: int) -> dict[str, kit.Measured]:
-        run, scale = results[results.finest(prefix), code], (1.0, 1.0, test.radius)[k]
-        pairs = zip(test.outcome(run)[:, k], test.exact_outcome(results, run)[:, k], strict=True)
-        found = [kit.Measured(scale * abs(got - want), scale * got, scale * want) for got, want in pairs]
-        return dict(zip((b.what for b in test.balls), found, strict=True))
+    def observe(results: kit.Results, code: str) -> dict[str, dict[str, tuple[float, float]]]:
+        run, scale = results[results.finest(prefix), code], (1.0, 1.0, test.radius)
+        got, want = test.outcome(run) * scale, test.exact_outcome(results, run) * scale
+        names = ("v_n' [m/s]", "v_t' [m/s]", "R w' [m/s]")
+        return {
+            name: {b.what: (got[row, k], want[row, k]) for row, b in enumerate(test.balls)}
+            for k, name in enumerate(names)
+        }
 
-    return kit.table(
-        f"Test {test.number}: motion after impact", "Finest step.",
-        {name: lambda results, code, k=k: finals(results, code, k)
-         for k, name in enumerate(("v_n' [m/s]", "v_t' [m/s]", "R w' [m/s]"))},
-        reference="exact", **fields,
-    )  # fmt: skip
+    title = f"Test {test.number}: motion after impact"
+    return kit.table(title, "Finest step.", observe, reference="exact", **fields)

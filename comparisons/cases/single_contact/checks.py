@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from comparisons import kit
-from comparisons.cases.single_contact.meetings import (
-    Meeting,
-    against_closed_forms,
-    errors,
-    overlap,
-    relative_velocity,
-)
+from comparisons.cases.single_contact.meetings import Meeting, errors, exact, overlap, relative_velocity
+from comparisons.metrics import trace
+from comparisons.oracles import closed_forms
 from gpudem.output.run import Run
 
 ODE = "ODE (DOP853, rtol 1e-13)"
 FIRST_ORDER = "the dashpot uses half-step velocities, so the error is first order: about 0.5/steps at e = 0.3"
 SECOND_ORDER = "velocity Verlet without damping is second order: about 1/steps^2"
 QUANTITIES = {
-    "peak_overlap": "a wrong E*, R* or effective mass: 1 % of any shifts it by 0.2 to 0.4 %",
-    "contact_time": "a contact that ends early or late; the approximate constant 2.94, 2.6 % too large",
-    "rebound": "a damping constant that is wrong or depends on speed; limit_force applied where it is off, or"
-    " the reverse",
+    "peak overlap [m]": "a wrong E*, R* or effective mass: 1 % of any shifts it by 0.2 to 0.4 %",
+    "contact time [s]": "a contact that ends early or late; the approximate constant 2.94, 2.6 % too large",
+    "rebound [1]": "a damping constant that is wrong or depends on speed; limit_force applied where it is"
+    " off, or the reverse",
 }
 #: Column -> (scale in the name of the check, defect that it detects).
 STEP_BY_STEP = {
@@ -115,28 +111,34 @@ def against_ode(
     )  # fmt: skip
 
 
-def closed_form_errors(
-    meetings: list[Meeting], quantity: str, limit_force: bool, prefix: str
-) -> Callable[[kit.Results, str], dict[str, kit.Measured]]:
-    """Measure of the finest run: relative error of one of `QUANTITIES` in each impact."""
+def normal_impacts(meetings: list[Meeting], prefix: str = "") -> kit.Observe:
+    """`QUANTITIES` of impacts along the normal in the finest run, each beside its closed form."""
 
-    def measure(results: kit.Results, code: str) -> dict[str, kit.Measured]:
-        run = results[results.finest(prefix), code]
-        return {m.label: against_closed_forms(results, run, m, limit_force)[quantity] for m in meetings}
+    def observe(results: kit.Results, code: str) -> dict[str, dict[str, tuple[float, float]]]:
+        run, found = results[results.finest(prefix), code], {key: {} for key in QUANTITIES}
+        for m in meetings:
+            truth, time, deep = exact(results, run.scene, m), run.trace["time"], overlap(run, m)
+            begin, end = trace.contact_interval(time, deep)
+            rebound = trace.rebound(relative_velocity(run, m), truth.frame[0])
+            c, speed, limit = truth.bodies, truth.speed, run.scene.contact.limit_force
+            pairs = (
+                (trace.peak(time, deep)[1], closed_forms.peak_overlap(c, speed)),
+                (end - begin, closed_forms.contact_time(c, speed, limit)),
+                (rebound, closed_forms.restitution(c, limit)),
+            )
+            for key, pair in zip(QUANTITIES, pairs, strict=True):
+                found[key][m.label] = pair
+        return found
 
-    return measure
+    return observe
 
 
-def closed_forms(
-    what: str, meetings: list[Meeting], tolerance: float, prefix: str, why: str, limit_force: bool = False,
-    quantities: Sequence[str] = tuple(QUANTITIES),
+def against_closed_forms(
+    what: str, meetings: list[Meeting], tolerance: float, prefix: str, why: str,
+    catches: Mapping[str, str] = QUANTITIES,
 ) -> tuple[kit.PerCode, ...]:  # fmt: skip
-    """Per code, largest relative error of each of the quantities: peak_overlap, contact_time, rebound."""
-    return tuple(
-        kit.per_code(
-            f"{what}: {quantity.replace('_', ' ')}, relative error",
-            closed_form_errors(meetings, quantity, limit_force, prefix),
-            tolerance=tolerance, against="closed form", reason=why, catches=QUANTITIES[quantity],
-        )
-        for quantity in quantities
+    """Per code, largest relative error of each of the quantities of `catches`."""
+    return kit.per_quantity(
+        normal_impacts(meetings, prefix), catches, f"{what}: {{}}, relative error", tolerance=tolerance,
+        against="closed form", reason=why,
     )  # fmt: skip

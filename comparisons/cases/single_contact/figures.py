@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from comparisons import kit
-from comparisons.cases.single_contact.checks import closed_form_errors
+from comparisons.cases.single_contact.checks import normal_impacts
 from comparisons.cases.single_contact.meetings import Meeting, errors, exact, relative_velocity
 from comparisons.metrics.trace import observed_order
 from comparisons.report import plots
@@ -90,10 +90,7 @@ def of_steps(shown: list[Meeting], timed: list[Meeting], prefix: str = "") -> tu
     )  # fmt: skip
 
 
-def observables_table(meetings: list[Meeting], prefix: str = "", limit_force: bool = False) -> kit.Table:
+def observables_table(meetings: list[Meeting], prefix: str = "") -> kit.Table:
     """Peak overlap, contact time and rebound of the finest run of each code beside the closed forms."""
-    names = {"peak_overlap": "peak overlap [m]", "contact_time": "contact time [s]", "rebound": "rebound [1]"}
-    return kit.table(
-        "Peak overlap, contact time, rebound", "Finest time step; contact time: until the overlap is zero.",
-        {name: closed_form_errors(meetings, key, limit_force, prefix) for key, name in names.items()},
-    )  # fmt: skip
+    caption = "Finest time step; contact time: until the overlap is zero."
+    return kit.table("Peak overlap, contact time, rebound", caption, normal_impacts(meetings, prefix))

@@ -10,7 +10,6 @@ from comparisons import kit
 from comparisons.metrics import trace as measure
 from comparisons.metrics.contacts import nearest_image
 from comparisons.metrics.parting import period
-from comparisons.oracles import closed_forms
 from comparisons.oracles.impact import Impact, impact
 from gpudem.output.run import Run
 from gpudem.scene import Scene
@@ -60,23 +59,6 @@ def relative_velocity(run: Run, meeting: Meeting) -> np.ndarray:
     """Velocity [m/s] of the meeting's first particle against its partner, (t, 3)."""
     velocity = run.trace["velocity"]
     return velocity[:, meeting.row] - (0.0 if isinstance(meeting.other, str) else velocity[:, meeting.other])
-
-
-def against_closed_forms(
-    results: kit.Results, run: Run, m: Meeting, limit_force: bool
-) -> dict[str, kit.Measured]:
-    """Relative errors of peak overlap [m], contact time [s] and rebound [1] of an impact along the normal."""
-    truth, time, deep = exact(results, run.scene, m), run.trace["time"], overlap(run, m)
-    begin, end = measure.contact_interval(time, deep)
-    c, speed = truth.bodies, truth.speed
-    return {
-        "peak_overlap": kit.relative(measure.peak(time, deep)[1], closed_forms.peak_overlap(c, speed)),
-        "contact_time": kit.relative(end - begin, closed_forms.contact_time(c, speed, limit_force)),
-        "rebound": kit.relative(
-            measure.rebound(relative_velocity(run, m), truth.frame[0]),
-            closed_forms.restitution(c, limit_force),
-        ),
-    }
 
 
 def errors(results: kit.Results, run: Run, meeting: Meeting) -> dict[str, float]:

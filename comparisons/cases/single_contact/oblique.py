@@ -108,30 +108,27 @@ def changes(results: kit.Results, run: Run, m: Meeting) -> tuple[float, float]:
 
 
 def sliding_checks(
-    what: str, meetings: list[Meeting], prefix: str, limit_force: bool, tolerance: float, reason: str
+    what: str, meetings: list[Meeting], prefix: str, tolerance: float, reason: str
 ) -> tuple[kit.PerCode, ...]:
     """Per code: velocity and spin after gross sliding, largest relative error of their changes, by the closed
     form with the lever arm R - overlap/2.
     """
+    names = ("tangential velocity lost", "spin gained")
 
-    def error(results: kit.Results, code: str, k: int) -> dict[str, kit.Measured]:
-        run, found = results[results.finest(prefix), code], {}
+    def observe(results: kit.Results, code: str) -> dict[str, dict[str, tuple[float, float]]]:
+        run, found = results[results.finest(prefix), code], {name: {} for name in names}
         for m in meetings:
-            t = exact(results, run.scene, m)
-            push, turn = closed_forms.sliding_rebound(t.bodies, t.speed, t.slip, limit_force)
+            t, limit = exact(results, run.scene, m), run.scene.contact.limit_force
+            push, turn = closed_forms.sliding_rebound(t.bodies, t.speed, t.slip, limit)
             # the oracle's e3 = normal x slip: spin that adds to the slip is negative
-            found[m.label] = kit.relative(changes(results, run, m)[k], (push, -turn)[k])
+            for name, *pair in zip(names, changes(results, run, m), (push, -turn), strict=True):
+                found[name][m.label] = tuple(pair)
         return found
 
-    return tuple(
-        kit.per_code(
-            f"{what}: {quantity} in gross sliding, relative error",
-            lambda results, code, k=k: error(results, code, k),
-            tolerance=tolerance, against="closed form", reason=reason,
-            catches="friction not limited to mu F_n, a dashpot added after the limit, a wrong moment of"
-                " inertia",
-        )
-        for k, quantity in enumerate(("tangential velocity lost", "spin gained"))
+    catches = "friction not limited to mu F_n, a dashpot added after the limit, a wrong moment of inertia"
+    return kit.per_quantity(
+        observe, dict.fromkeys(names, catches), f"{what}: {{}} in gross sliding, relative error",
+        tolerance=tolerance, against="closed form", reason=reason,
     )  # fmt: skip
 
 
@@ -172,17 +169,17 @@ def _map(results: kit.Results) -> plots.Figure:
     return figure
 
 
-def _after(results: kit.Results, code: str, k: int) -> dict[str, kit.Measured]:
-    """Change of velocity (k = 0) or spin (1) in each impact on the wall, with what the contact does in it."""
-    found = {}
+def _after(results: kit.Results, code: str) -> dict[str, dict[str, tuple[float, float]]]:
+    """Changes in each impact on the wall, beside the ODE, with what the contact does in it."""
+    velocity, spin = {}, {}
     for prefix in OPTIONS:
         run = results[results.finest(prefix), code]
         for m in WALL_MEETINGS:
-            contact, got = exact(results, run.scene, m).contact, changes(results, run, m)[k]
-            want = float((contact.final - contact.state(0.0))[3 + k])
-            phases = " ".join(phase.mode for phase in contact.phases)
-            found[f"{prefix}, {m.label}: {phases}"] = kit.Measured(abs(got - want), got, want)
-    return found
+            contact, got = exact(results, run.scene, m).contact, changes(results, run, m)
+            want = (contact.final - contact.state(0.0))[3:5]
+            where = f"{prefix}, {m.label}: {' '.join(phase.mode for phase in contact.phases)}"
+            velocity[where], spin[where] = (got[0], float(want[0])), (got[1], float(want[1]))
+    return {"velocity change [m/s]": velocity, "spin change [rad/s]": spin}
 
 
 FIRST_ORDER = (
@@ -216,11 +213,11 @@ CASE = kit.Case(
         *against_ode("coulomb, damped", DAMPED, 1e-3, (0.85, 1.15), "coulomb", FIRST_ORDER),
         *against_ode("elastic, slips at once", ELASTIC, 3e-6, (1.85, 2.15), "default", SECOND_ORDER),
         *sliding_checks(
-            "elastic", SLIDING[:2], "default", False, 1e-8,
+            "elastic", SLIDING[:2], "default", 1e-8,
             "friction is mu F_n at every step, so that the impulse is exact; the overlap changes it by 1e-9",
         ),
         *sliding_checks(
-            "e = 0.6, coulomb options", SLIDING[2:], "coulomb", True, 5e-3,
+            "e = 0.6, coulomb options", SLIDING[2:], "coulomb", 5e-3,
             "the normal dashpot makes the contact stick at its beginning until the spring is loaded, so that"
             " the exact solution of the law differs from Coulomb's limit by about 0.3 %, at any step",
         ),
@@ -242,11 +239,7 @@ CASE = kit.Case(
             "Oblique impacts on the wall",
             "Finest step. Velocities along the first slip, spins about the axis normal x slip; phases by"
             " the ODE.",
-            {
-                "velocity change [m/s]": lambda results, code: _after(results, code, 0),
-                "spin change [rad/s]": lambda results, code: _after(results, code, 1),
-            },
-            reference="ODE",
+            _after, reference="ODE",
         ),
     ),
     features=(

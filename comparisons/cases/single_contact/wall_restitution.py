@@ -66,8 +66,8 @@ CASE = kit.Case(
         *checks.against_ode("default, damped", DAMPED, 1e-3, (0.85, 1.15), "default", FIRST_ORDER),
         *checks.against_ode("limit_force, damped", DAMPED, 1e-3, (0.85, 1.15), "limited", FIRST_ORDER),
         *checks.against_ode("elastic", ELASTIC, 2e-6, (1.85, 2.15), "default", checks.SECOND_ORDER),
-        *checks.closed_forms("default, damped", DAMPED, 1e-3, "default", FIRST_ORDER),
-        *checks.closed_forms("limit_force, damped", DAMPED, 1e-3, "limited", FIRST_ORDER, limit_force=True),
+        *checks.against_closed_forms("default, damped", DAMPED, 1e-3, "default", FIRST_ORDER),
+        *checks.against_closed_forms("limit_force, damped", DAMPED, 1e-3, "limited", FIRST_ORDER),
     ),
     figures=(
         figures.overlay(MEETINGS, "default", title="Default: tensile force at the end"),
@@ -76,7 +76,7 @@ CASE = kit.Case(
     ),
     tables=(
         figures.observables_table(MEETINGS, "default"),
-        figures.observables_table(MEETINGS, "limited", limit_force=True),
+        figures.observables_table(MEETINGS, "limited"),
     ),
     features=("normal hertz", "damping", "limit_force", "several materials", "wall plane"),
     order=20,

@@ -72,19 +72,19 @@ def overlap(run: Run, above: int, below: int | str) -> np.ndarray:
     return radius[above] + radius[below] - (z[:, above] - z[:, below])
 
 
-def overlaps(results: kit.Results, code: str) -> dict[str, kit.Measured]:
+def overlaps(results: kit.Results, code: str) -> dict[str, tuple[float, float]]:
     run, found = results[SETTLED, code], {}
     for above, below, c, weight in contacts(run.scene):
         lower = below if isinstance(below, str) else f"sphere {below + 1}"
         got = float(overlap(run, above, below)[-1])
-        found[f"sphere {above + 1} on {lower}"] = kit.relative(got, (weight / c.normal_constant) ** (2 / 3))
+        found[f"sphere {above + 1} on {lower}"] = got, (weight / c.normal_constant) ** (2 / 3)
     return found
 
 
-def base_load(results: kit.Results, code: str) -> dict[str, kit.Measured]:
+def base_load(results: kit.Results, code: str) -> dict[str, tuple[float, float]]:
     run = results[SETTLED, code]
     return {
-        f"sphere {above + 1}": kit.relative(c.normal_constant * overlap(run, above, below)[-1] ** 1.5, weight)
+        f"sphere {above + 1}": (c.normal_constant * overlap(run, above, below)[-1] ** 1.5, weight)
         for above, below, c, weight in contacts(run.scene)
         if below == "floor"
     }
@@ -110,11 +110,11 @@ def drift(run: Run) -> np.ndarray:
 def _figure(results: kit.Results) -> plots.Figure:
     figure, (left, right) = plots.figure(1, 2, width=plots.WHOLE, height=3.8)
     ran, first = results.codes(), 0
-    rest = {code: list(overlaps(results, code).values()) for code in ran}
+    rest = {code: 1e6 * np.array(list(overlaps(results, code).values())) for code in ran}
     for k, column in enumerate(COLUMNS):
         own, levels = slice(first, first + len(column)), np.arange(len(column)) + 1
-        found = {code: (1e6 * np.array([m.measured for m in ms[own]]), levels) for code, ms in rest.items()}
-        exact = 1e6 * np.array([m.expected for m in rest[ran[0]][own]]), levels
+        found = {code: (pairs[own, 0], levels) for code, pairs in rest.items()}
+        exact = rest[ran[0]][own, 1], levels
         plots.exact_and_marks(left, None, exact, found, plots.SERIES[k], f"column {k + 1}")
         first += len(column)
     for k, (name, step) in enumerate(ELASTIC.items()):
