@@ -352,3 +352,57 @@ WALLS = [
         "walls: lid.vibration: beside motion; state one of the two"),
 ]
 # fmt: on
+
+
+def moved(name: str, motion: str, *expected: str, problems: int = 1, **edits: str) -> Bad:
+    """The floor with one motion, its keys separated by semicolons; `edits` also change other lines."""
+    text = "[[walls.motion]]\n" + "\n".join(part.strip() for part in motion.split(";"))
+    return Bad(name, {"[domain]": f"{text}\n[domain]", **edits}, expected, problems)
+
+
+_FALSE = "periodic = [false, false, false]"
+
+# fmt: off
+MOTIONS = [
+    moved("motion of unknown type", 'type = "xyzzy"; period = 1.0',
+        "walls[0].motion[0].type = 'xyzzy': unknown; known: linear, oscillate, rotate, swing, table"),
+    moved("motion misspelled", 'type = "rotat"; period = 1.0', "type = 'rotat': unknown; did you mean 'rotate'?"),
+    moved("motion without type", "velocity = [1.0, 0.0, 0.0]",
+        "walls[0].motion[0].type: missing; one of: linear, oscillate, rotate, swing, table"),
+    moved("motion without period", 'type = "rotate"; axis = [0, 0, 1]', "walls[0].motion[0].period: missing [s]"),
+    moved("swing without amplitude", 'type = "swing"; axis = [0, 0, 1]; period = 1.0',
+        "walls[0].motion[0].amplitude: missing [rad]"),
+    moved("oscillation without amplitude", 'type = "oscillate"; period = 1.0', "walls[0].motion[0].amplitude: missing [m]"),
+    moved("motion of period zero", 'type = "rotate"; axis = [0, 0, 1]; period = 0.0',
+        "walls[0].motion[0].period = 0.0: out of range; allowed: 0 < value [s]"),
+    moved("turn without direction", 'type = "rotate"; axis = [0, 0, 0]; period = 1.0', "walls[0].motion[0].axis",
+        "has no direction"),
+    moved("motion at speed zero", 'type = "linear"; velocity = [0, 0, 0]', "walls[0].motion[0].velocity", "has no direction"),
+    moved("key of another motion", 'type = "rotate"; axis = [0, 0, 1]; period = 1.0; velocity = [0, 0, 1]',
+        "walls[0].motion[0].velocity: unknown key; known: axis, point, type, period"),
+    moved("swing with a vector", 'type = "swing"; axis = [0, 0, 1]; amplitude = [0.1, 0, 0]; period = 1.0',
+        "walls[0].motion[0].amplitude = [0.1, 0, 0]: must be a number [rad]"),
+    moved("table that does not ascend", 'type = "table"; time = [0.0, 0.2, 0.2]; velocity = [[0,0,0], [0,0,1], [0,0,0]]',
+        "walls[0].motion[0].time = [0.0, 0.2, 0.2]: must ascend; row 3, 0.2, is not above 0.2 [s]"),
+    moved("table with rows too few", 'type = "table"; time = [0.0, 0.2]; velocity = [[0,0,0]]',
+        "walls[0].motion[0].velocity = [[0, 0, 0]]: has 1 rows for 2 times"),
+    moved("table without rows", 'type = "table"; time = []; axis = [0, 0, 1]; angular_velocity = []',
+        "walls[0].motion[0].time = []: has no rows; at least one is needed [s]"),
+    moved("table of nothing", 'type = "table"; time = [0.0]', "walls[0].motion[0].velocity: missing [m/s]"),
+    moved("table of a turn without axis", 'type = "table"; time = [0.0]; angular_velocity = [1.0]',
+        "walls[0].motion[0].axis: missing [1]"),
+    Bad("motion that is no list", {"[domain]": '[walls.motion]\ntype = "linear"\n[domain]'},
+        ("walls[0].motion = {'type': 'linear'}: must be a list",)),
+    Bad("motion that is no table", {PLANE: PLANE + "\nmotion = [5]"}, ("walls[0].motion[0] = 5: must be a table",)),
+    moved("motion beside vibration", 'type = "linear"; velocity = [0, 0, 0.1]',
+        "walls: floor.vibration: beside motion; state one of the two", **{PLANE: PLANE + "\nvibration = {speed = 0.1}"}),
+    moved("motion faster than a radius in a step", 'type = "linear"; velocity = [0, 0, 400]',
+        "walls: floor.motion: moves up to 400 m/s within the domain, 0.004 m in a step",
+        "allowed: < the smallest radius, 0.003 m; waive with allow = ['speed']"),
+    moved("oscillation of a few steps", 'type = "oscillate"; amplitude = [0, 0, 1e-6]; period = 5e-5',
+        "walls: floor.motion.period = 5e-05 s: is 5 time steps; allowed: >= 10; waive with allow = ['time_step']"),
+    moved("plane that turns into a periodic side", 'type = "rotate"; axis = [0, 1, 0]; period = 1.0',
+        "walls: floor.motion: a plane without ends that turns about (0.0, 1.0, 0.0) would cross x, which is periodic",
+        **{_FALSE: "periodic = [true, true, false]"}),
+]
+# fmt: on

@@ -76,9 +76,9 @@ def period(scene: Scene) -> np.ndarray:
 
 
 def walls_at(scene: Scene, time: float) -> list[Wall]:
-    """Elementary walls present at a time [s]; those that vibrate are left out."""
-    present = [w for w in scene.wall_elements if w.removed_at is None or time < w.removed_at]
-    return [w for w in present if w.speed == 0]
+    """Elementary walls present at a time [s]; those whose place changes are left out."""
+    present = [w for w in scene.wall_elements if w.begin <= time and (w.end is None or time < w.end)]
+    return [w for w in present if w.speed == 0 and not w.motion]
 
 
 def find(

@@ -13,6 +13,7 @@ import typing
 from pathlib import Path
 from typing import Any
 
+from motion_pictures import draw_motions
 from sphinx.application import Sphinx
 
 
@@ -36,6 +37,7 @@ def write(folder: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.is_file() or path.read_text() != text:
             path.write_text(text)
+    draw_motions(folder / "motions.svg")
 
 
 def table(header: list[str], rows: list[list[str]]) -> str:

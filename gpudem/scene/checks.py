@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 MAX_RAYLEIGH, MAX_CONTACT = 0.5, 0.2
 #: Largest distance of neighboring positions in floating-point numbers, relative to the smallest radius.
 MAX_SPACING = 0.01
-#: Time steps in a period of a vibrating plane, at least.
-MIN_PERIOD = 10
 #: A trace [bytes] above this may fill the memory: 15 float64 numbers for each particle and row.
 MAX_TRACE = 4e9
 
@@ -84,6 +82,7 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
             if paired and speed:
                 run_check(_time_step, "time", "contact", "gravity", "allow")
             run_check(_vibration, "time", "solver", "allow")
+            run_check(wall_checks.motions, "time", "allow")
         run_check(_trace, "time", "output", "allow")
         run_check(_position_spacing, "solver", "allow")
     return found
@@ -324,9 +323,9 @@ def _vibration(scene: Scene) -> list[str]:
             found.append(f"{key}.speed = {vibration.speed:g} m/s: moves {stroke:.3g} m in a step;"
                          f" allowed: < the smallest radius, {radius:g} m")  # fmt: skip
         period = vibration.amplitude / vibration.speed
-        if 0 < period < MIN_PERIOD * step and "time_step" not in scene.allow:
+        if 0 < period < wall_checks.MIN_PERIOD * step and "time_step" not in scene.allow:
             found.append(f"{key}: a period A / U = {period:.3g} s is {period / step:.3g} time steps; allowed:"
-                         f" >= {MIN_PERIOD}, or amplitude = 0 for a fast floor;"
+                         f" >= {wall_checks.MIN_PERIOD}, or amplitude = 0 for a fast floor;"
                          " waive with allow = ['time_step']")  # fmt: skip
     return found
 

@@ -174,7 +174,7 @@ def _location(loc: tuple[Any, ...]) -> str:
     """particles.radius, walls[2].name, ... without what pydantic adds: the tag of a union's member, [key]."""
     text = ""
     for i, part in enumerate(loc):
-        tag = i == 1 and loc[0] == "particles"
+        tag = (i == 1 and loc[0] == "particles") or (i > 1 and loc[i - 2] == "motion")
         if isinstance(part, int):
             text += f"[{part}]"
         elif not tag and part != "[key]":
@@ -191,25 +191,39 @@ def nearest(word: Any, known: Iterable[str]) -> str:
 
 def _fields(loc: tuple[Any, ...], model: type[BaseModel]) -> dict[Any, FieldInfo]:
     """The fields of the section that a location points to; of a union's members, those of the tag named."""
+    return {key: field for m in _sections(loc, model) for key, field in m.model_fields.items()}
+
+
+def _sections(loc: tuple[Any, ...], model: type[BaseModel]) -> list[type[BaseModel]]:
+    """The sections that a location may point to; of a union's members, that of the tag named."""
     models = [model]
     for part in loc:
         if isinstance(part, int):
             continue
-        tagged = [m for m in models if part in _tag(m)]
+        tagged = [m for m in models if part in (_own_tag(m) or _tag(m))]
         inner = [
             m for x in models if part in x.model_fields for m in _models(x.model_fields[part].annotation)
         ]
         models = tagged or inner or models
-    return {key: field for m in models for key, field in m.model_fields.items()}
+    return models
 
 
 def _tags(loc: tuple[Any, ...], model: type[BaseModel]) -> list[str]:
-    return [tag for m in _models(model.model_fields[loc[0]].annotation) for tag in _tag(m)]
+    return list(dict.fromkeys(tag for m in _sections(loc, model) for tag in _tag(m)))
 
 
 def _tag(model: type[BaseModel]) -> tuple[str, ...]:
-    field = model.model_fields.get("source") or model.model_fields.get("kind")
+    """What a section of a union states as its source, kind or type."""
+    field = next(
+        (model.model_fields[key] for key in ("source", "kind", "type") if key in model.model_fields), None
+    )
     return typing.get_args(field.annotation) if field else ()
+
+
+def _own_tag(model: type[BaseModel]) -> tuple[str, ...]:
+    """The tag by which pydantic tells it from another section of the same type."""
+    tag = getattr(model, "tag", None)
+    return (tag,) if isinstance(tag, str) else ()
 
 
 def _models(annotation: Any) -> list[type[BaseModel]]:

@@ -15,7 +15,10 @@ from gpudem.scene.mesh_files import Triangles, read_mesh
 from gpudem.scene.mesh_repair import Surface, repaired
 from gpudem.scene.motion import rotations
 from gpudem.scene.types import Model, Vector, array, indices, number, positive, vector
-from gpudem.scene.walls import Wall
+from gpudem.scene.walls import Wall, box_corners
+
+#: Corners of a hull up to which it is used to say how far a mesh moves.
+MAX_HULL = 256
 
 
 class Placement(Model):
@@ -84,6 +87,21 @@ class Mesh(Wall):
         corners = (points + np.array(self.move))[self.surface.rows]
         corners.setflags(write=False)
         return corners
+
+    def reach_points(self) -> np.ndarray:
+        """Corners of its convex hull or, where they are many or lie in a plane, of the box around it [m]."""
+        return self._hull
+
+    @functools.cached_property
+    def _hull(self) -> np.ndarray:
+        from scipy.spatial import ConvexHull, QhullError
+
+        points = np.unique(self.corners.reshape(-1, 3), axis=0)
+        try:
+            found = points[ConvexHull(points).vertices]
+        except QhullError:  # a flat mesh
+            found = points
+        return found if len(found) <= MAX_HULL else box_corners(points.min(axis=0), points.max(axis=0))
 
     def shape(self) -> tuple[Vector, Vector, Vector]:
         """Nothing: a mesh has tables of its own."""

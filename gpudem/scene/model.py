@@ -257,6 +257,13 @@ class Scene(Model):
         """All walls as elementary ones: a box as planes, named `<box>_<side>`."""
         return [e for wall in self.walls for e in wall.elements(self.domain.lo, self.domain.hi)]
 
+    @functools.cached_property
+    def wall_speeds(self) -> list[float]:
+        """An upper bound of the speed of each elementary wall within the domain [m/s]; 0 at rest."""
+        lo, hi = np.array(self.domain.lo), np.array(self.domain.hi)
+        run = self.time.duration
+        return [wall.largest_speed(lo, hi, run) if wall.moves else 0.0 for wall in self.wall_elements]
+
     @property
     def walls_at_start(self) -> list[Wall]:
         """The elementary walls that are there at the start."""

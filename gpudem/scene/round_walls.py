@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import model_validator
 
 from gpudem.scene.types import Vector, number, positive, vector
-from gpudem.scene.walls import Wall
+from gpudem.scene.walls import Wall, box_corners
 
 #: Quads around an axis in the outline.
 SIDES = 48
@@ -49,7 +49,7 @@ class Round(Wall):
         first, second, length = self._section()
         axis, begin = self.unit_axis, np.array(self.point)
         if length == 0:
-            heights = (_corners(lo, hi) - begin) @ axis
+            heights = (box_corners(lo, hi) - begin) @ axis
             begin, length = begin + heights.min() * axis, float(np.ptp(heights))
         u = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
         u /= np.linalg.norm(u)
@@ -58,6 +58,26 @@ class Round(Wall):
         points = np.concatenate([begin + first * ring, begin + length * axis + second * ring])
         after = (k + 1) % SIDES
         return points, np.stack([k, after, after + SIDES, k + SIDES], axis=1)
+
+    def marks(self, rotation: np.ndarray, shift: np.ndarray, lo: np.ndarray, hi: np.ndarray) -> np.ndarray:
+        """Of an infinite one the points of the axis nearest to the domain's corners.
+
+        Else the ends of the axis, and its direction times the largest radius. A turn about its own axis
+        changes neither.
+        """
+        first, second, length = self._section()
+        axis, begin = rotation @ self.unit_axis, rotation @ np.array(self.point) + shift
+        if length == 0:
+            heights = np.einsum("kpd,kd->kp", box_corners(lo, hi) - begin[:, None], axis)
+            return begin[:, None] + heights[:, :, None] * axis[:, None]  # mutate: foot_on_axis
+        return np.stack([begin, begin + length * axis, max(first, second) * axis], axis=1)
+
+    def moved(self, marks: np.ndarray, before: np.ndarray) -> np.ndarray:
+        """Of a finite one the farthest way of an end, and what a rim turns beside it."""
+        if self._section()[2] == 0:
+            return super().moved(marks, before)
+        way = np.linalg.norm(marks - before, axis=2)
+        return np.maximum(way[:, 0], way[:, 1]) + way[:, 2]
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray] | None:
         """Lower and upper corner [m]; None for an infinite one."""
@@ -114,8 +134,3 @@ class Cone(Round):
         """(axis, point, (radius, end radius, length))."""
         x, y, z = self.unit_axis.tolist()
         return (x, y, z), self.point, (self.radius, self.end_radius, self.length)
-
-
-def _corners(lo: np.ndarray, hi: np.ndarray) -> np.ndarray:
-    """The eight corners of lo..hi, shape (8, 3)."""
-    return np.stack(np.meshgrid(*zip(lo, hi, strict=True), indexing="ij"), axis=-1).reshape(-1, 3)

@@ -46,12 +46,12 @@ def rayleigh_time(scene: Scene) -> float:
 def top_speed(scene: Scene) -> float:
     """Largest speed [m/s] to expect: the largest at the start, and a fall through the domain.
 
-    Over a vibrating plane twice its speed more, which an elastic hit adds.
+    At a moving wall twice its speed more, which an elastic hit adds.
     """
     size = np.abs(np.array(scene.domain.hi) - np.array(scene.domain.lo))
     fall = math.sqrt(2 * float(np.abs(scene.gravity) @ size))
     own = max(float(np.linalg.norm(scene.state.velocity, axis=1).max()), fall if scene.walls else 0.0)
-    return own + 2 * max((wall.speed for wall in scene.wall_elements), default=0.0)
+    return own + 2 * max(scene.wall_speeds, default=0.0)  # mutate: hit_by_moving_wall
 
 
 def _contact_pairs(scene: Scene) -> Iterator[tuple[NormalLaw, PairInputs, float, float, float]]:

@@ -6,19 +6,23 @@ Each check reads some sections of a scene and returns its problems, one line eac
 from __future__ import annotations
 
 import collections
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gpudem.scene.mesh_repair import MAX_TRIANGLES
+from gpudem.scene.motion import Translation, Turn
 from gpudem.scene.round_walls import Cylinder, Round
-from gpudem.scene.walls import Box, Wall
+from gpudem.scene.walls import NORMAL_ROUNDING, Box, Wall
 
 if TYPE_CHECKING:
     from gpudem.scene.model import Scene
 
 #: A mesh this many times as large as the domain, or as small beside the smallest radius, is in another unit.
 UNLIKELY_SIZE = 100
+#: Time steps in a period of a wall that moves, at least.
+MIN_PERIOD = 10
 
 
 def meshes(scene: Scene) -> list[str]:
@@ -136,3 +140,36 @@ def across_periodic_sides(scene: Scene, contact_range: float) -> list[str]:
                     f" which is periodic: particles beyond it would not meet the wall{hint}"
                 )
     return found
+
+
+def motions(scene: Scene) -> list[str]:
+    """Walls that move too fast or too often for the time step, or that a periodic side does not allow."""
+    found, step, radius = [], scene.time.step, float(scene.state.radius.min())
+    for wall, speed in zip(scene.wall_elements, scene.wall_speeds, strict=True):
+        key = f"walls: {wall.name}.motion"
+        if not wall.motion:
+            continue
+        if speed * step >= radius and "speed" not in scene.allow:
+            found.append(f"{key}: moves up to {speed:.3g} m/s within the domain, {speed * step:.3g} m in a"
+                         f" step; allowed: < the smallest radius, {radius:g} m;"
+                         " waive with allow = ['speed']")  # fmt: skip
+        for motion in wall.motion:
+            cycle = math.inf if motion.cycle is None else motion.cycle
+            if cycle < MIN_PERIOD * step and "time_step" not in scene.allow:
+                found.append(f"{key}.period = {cycle:g} s: is {cycle / step:.3g} time steps;"
+                             f" allowed: >= {MIN_PERIOD}; waive with allow = ['time_step']")  # fmt: skip
+            found += [f"{key}: {problem}" for problem in _turn_at_periodic_side(scene, wall, motion)]
+    return list(dict.fromkeys(found))
+
+
+def _turn_at_periodic_side(scene: Scene, wall: Wall, motion: Translation | Turn) -> list[str]:
+    """A wall without ends must go on through a periodic side unchanged: it turns about that axis only."""
+    if not isinstance(motion, Turn) or wall.reach_points() is not None:
+        return []
+    across = [
+        name
+        for name, unit, periodic in zip("xyz", np.eye(3), scene.domain.periodic, strict=True)
+        if periodic and np.linalg.norm(np.cross(unit, motion.unit_axis)) > NORMAL_ROUNDING
+    ]
+    kind = f"a {wall.kind} without ends that turns about {motion.axis}"
+    return [f"{kind} would cross {', '.join(across)}, which is periodic"] if across else []

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
-from gpudem.scene.motion import Motion
+from gpudem.scene.motion import Motion, largest_speed
 from gpudem.scene.types import Model, Name, Vector, law_name, number, positive, span, vector
 
 Side = Literal["xlo", "xhi", "ylo", "yhi", "zlo", "zhi"]
@@ -16,6 +16,16 @@ Side = Literal["xlo", "xhi", "ylo", "yhi", "zlo", "zhi"]
 #: Components of a unit normal up to this size are rounding, and count as zero: cos, sin and products of a few
 #: rotation matrices leave some 1e-16, and a tilt of 1e-12 moves a plane by a nanometre at a kilometre.
 NORMAL_ROUNDING = 1e-12
+
+
+def box_corners(lo: np.ndarray, hi: np.ndarray) -> np.ndarray:
+    """The eight corners of the box lo..hi [m], shape (8, 3)."""
+    return np.array([[(lo, hi)[i >> k & 1][k] for k in range(3)] for i in range(8)], float)
+
+
+def in_wall_frame(points: np.ndarray, rotation: np.ndarray, shift: np.ndarray) -> np.ndarray:
+    """Points [m] in space, (p, 3), in the frames of walls in k poses: shape (k, p, 3)."""
+    return (points - shift[:, None]) @ rotation
 
 
 class Vibration(Model):
@@ -63,7 +73,7 @@ class Wall(Model):
     surface_velocity: Annotated[Vector, vector("m/s", nonzero=True)] | None = None
     """Velocity of a belt, beside that of the wall [m/s]: turned into the surface, its magnitude kept."""
     motion: tuple[Motion, ...] = ()
-    """How it moves; several motions act together, in the order given (`gpudem.walls.motion`)."""
+    """How it moves, from the start of the run on; several motions act together, in the order given."""
 
     @field_validator("present")
     @classmethod
@@ -112,6 +122,40 @@ class Wall(Model):
         """Lower and upper corner [m] at the start; None for a wall without end."""
         return None
 
+    def reach_points(self) -> np.ndarray | None:
+        """Points at the start whose convex hull holds the wall [m], (p, 3); None for one without ends."""
+        bounds = self.bounds()
+        return None if bounds is None else box_corners(*bounds)
+
+    def marks(self, rotation: np.ndarray, shift: np.ndarray, lo: np.ndarray, hi: np.ndarray) -> np.ndarray:
+        """What `moved` compares between k poses of the wall in a domain lo..hi [m]: shape (k, p, d) [m].
+
+        rotation, shift [m]: what is at X at the start is at rotation X + shift, shapes (k, 3, 3) and (k, 3).
+        """
+        points = self.reach_points()
+        if points is not None:
+            return points @ np.swapaxes(rotation, 1, 2) + shift[:, None]
+        return in_wall_frame(box_corners(lo, hi), rotation, shift)
+
+    def moved(self, marks: np.ndarray, before: np.ndarray) -> np.ndarray:
+        """How much gaps of points in the domain differ at most from those of another pose [m], shape (k,).
+
+        marks: of k poses, (k, p, d); before: of the other one, (p, d). No gap changes by more than the
+        farthest that a point of the wall has moved or, as a gap follows from the point's place in the wall's
+        frame, than the farthest that a point of the domain has moved there. Both are farthest at corners.
+        """
+        way = marks - before
+        return np.sqrt(np.einsum("kpd,kpd->kp", way, way).max(axis=1))
+
+    def largest_speed(self, lo: np.ndarray, hi: np.ndarray, duration: float) -> float:
+        """An upper bound of the speed of its surface within a domain lo..hi [m], in a run of a duration [s].
+
+        Of its motions together, and of its belt.
+        """
+        belt = float(np.linalg.norm(self.surface_velocity)) if self.surface_velocity else 0.0
+        moving = largest_speed(self.motion, self.reach_points(), box_corners(lo, hi), duration)
+        return self.speed + moving + belt  # mutate: largest_wall_speed
+
     @property
     def moves(self) -> bool:
         """Its place changes in time, or its surface has a velocity."""
@@ -124,7 +168,7 @@ class Wall(Model):
 
     @property
     def speed(self) -> float:
-        """Largest speed [m/s]; 0 at rest."""
+        """Speed of a saw-tooth [m/s]; 0 without one. Of motions: `largest_speed`."""
         return 0.0
 
     @property
@@ -172,6 +216,11 @@ class Plane(Wall):
     def gap(self, points: np.ndarray) -> np.ndarray:
         """Distance [m] along the normal."""
         return (points - np.array(self.point)) @ np.array(self.normal)
+
+    def marks(self, rotation: np.ndarray, shift: np.ndarray, lo: np.ndarray, hi: np.ndarray) -> np.ndarray:
+        """Heights of corners of the domain: of a plane that slides along itself they stay."""
+        heights = in_wall_frame(box_corners(lo, hi), rotation, shift) @ np.array(self.normal)
+        return heights[:, :, None]  # mutate: way_along_normal
 
     def outline(self, lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A rectangle: an axis-aligned plane cut to lo..hi, a tilted one as large as its diagonal."""

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import pandas
 
     from gpudem.scene import Scene
+    from gpudem.scene.walls import Wall
 
 #: Largest overlap, as a share of the smaller radius: beyond it no contact law holds.
 MAX_OVERLAP = 0.5
@@ -30,19 +31,27 @@ OVERLAP_ADVICE = (
 SPEED_ADVICE = "it would pass through others: a shorter time step; waive with allow = ['speed']"
 
 
+def wall_advice(wall: Wall) -> str:
+    """What to do about a particle deep in a wall."""
+    if wall.begin == 0:
+        return OVERLAP_ADVICE
+    comes = f"the wall came where the particle was (it is there from t = {wall.begin:g} s on), or"
+    return f"{comes} {OVERLAP_ADVICE}"
+
+
 def overlap_limit(scene: Scene) -> float:
     """Largest overlap as a share of the smaller radius; infinite for a scene that waives it."""
     return float("inf") if {"overlap", "large_overlap"} & set(scene.allow) else MAX_OVERLAP
 
 
 def speed_limit(scene: Scene) -> float:
-    """Largest speed [m/s]: smallest radius by time step, less the speed of a vibrating plane.
+    """Largest speed [m/s]: smallest radius by time step, less that of the fastest wall.
 
     Infinite for a scene that waives it.
     """
     if "speed" in scene.allow:
         return float("inf")
-    fastest = max((wall.speed for wall in scene.wall_elements), default=0.0)
+    fastest = max(scene.wall_speeds, default=0.0)
     # mutate: speed_limit
     return max(0.0, MAX_MOVE * float(scene.state.radius.min()) / scene.time.step - fastest)
 
@@ -52,9 +61,11 @@ def energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]
 
     Scale: the kinetic energy at the start and the energy of a fall by one diameter. Particles that overlap at
     the start release elastic energy: a growth within that has its own cause, and another sentence. Scenes
-    that waive the check of start overlaps are left out.
+    with walls that move or that come in the run, which do work, and those that waive the check of start
+    overlaps are left out.
     """
-    closed = scene.needs.damping and not scene.needs.vibration and "overlap" not in scene.allow
+    driven = scene.needs.vibration or any(wall.begin > 0 for wall in scene.wall_elements)
+    closed = scene.needs.damping and not driven and "overlap" not in scene.allow
     if history is None or not closed or len(history) < 2:
         return []
     energy = history[["kinetic_energy", "rotational_energy", "potential_energy"]].to_numpy().sum(axis=1)

@@ -317,6 +317,7 @@ class NeighborList:
             TOO_DEEP: f"overlaps particle {other + 1} by {share}",
             DEEP_IN_WALL: f"overlaps wall {wall} by {share}",
         }[code]
-        deep = (TOO_DEEP, DEEP_IN_WALL)
-        advice = guards.OVERLAP_ADVICE if code in deep else guards.SPEED_ADVICE if code == TOO_FAST else ""
+        advice = {TOO_FAST: guards.SPEED_ADVICE, TOO_DEEP: guards.OVERLAP_ADVICE}.get(code, "")
+        if code == DEEP_IN_WALL:
+            advice = guards.wall_advice(scene.wall_elements[other])
         raise SimulationError(f"particle {particle + 1} {what} at {self.when()}{'; ' * bool(advice)}{advice}")

@@ -88,7 +88,9 @@ class Solver:
         self._at_written_step = False
         self._pending = self.state.particles.rebuild_pending.numpy() if self.device.is_cpu else None
         self._displaced = any(wall.stroke > 0 for wall in scene.wall_elements)
-        self._motion, self._meshes = WallMotion(scene, self.chunk), MeshTables(scene, self.state)
+        self._motion = WallMotion(scene, self.chunk, bool(self.rebuild_in_graph))
+        self._meshes = MeshTables(scene, self.state)
+        self._rebuilds_seen = 0
         self.walls: Any = None
         self._walls_at = 0
         self._meshes_present: list[str] = []
@@ -238,6 +240,7 @@ class Solver:
         self._meshes_present = [wall.name for wall in here if wall in self.scene.meshes]
         self.walls = wall_table(self.state, self.scene, self.chunk, here)
         self._meshes.attach(self.walls)
+        self._motion.attach(self.walls, here)
         self._invalidate_launches()
         self.neighbors.set_walls(self.walls)
 
@@ -254,10 +257,10 @@ class Solver:
         """Puts moving walls where they are in `step`, the next launch's, and in those after it."""
         self._walls_at = step
         if self._motion:
-            self._motion.assign(self.walls, step)
+            self._motion.assign(step)
             if self._motion.steps_within(step, 1) == 0:
                 self._needs_rebuild = True  # mutate: rebuild_for_walls
-        if self._displaced:
+        elif self._displaced:
             times = [(step + k) * self.scene.time.step for k in range(self.chunk)]  # mutate: saw_tooth_times
             places = [wall.displacement(time) for time in times for wall in self.scene.wall_elements]
             if self.device.is_cpu:
@@ -280,6 +283,8 @@ class Solver:
         else:
             self._launch_each(steps)
         pending = self._read_rebuild_flags()
+        if self._motion and self.rebuild_in_graph:
+            self._look_for_new_list()
         self._needs_rebuild, done = bool(pending[steps]), steps
         if self._needs_rebuild:
             done = int(np.argmax(pending[1 : steps + 1])) + 1  # mutate: steps_done
@@ -287,6 +292,13 @@ class Solver:
         if (steps - done) % 2:
             self.state.swap()
         return done
+
+    def _look_for_new_list(self) -> None:
+        """A list made within the graph is for the places of the walls in its first launch."""
+        rebuilds = self.neighbors.rebuilds
+        if rebuilds != self._rebuilds_seen:
+            self._motion.list_made(self._walls_at)
+        self._rebuilds_seen = rebuilds
 
     def _launch_graph(self, steps: int) -> None:
         key = (id(self.state.now), steps)
@@ -332,7 +344,9 @@ class Solver:
 
     def _rebuild(self) -> None:
         (self.neighbors.finish_rebuild if self._rebuild_suspended else self.neighbors.rebuild)()
-        self._motion.rebuilt(self._walls_at)
+        self._motion.list_made(self._walls_at)
+        if self._motion and self.rebuild_in_graph:
+            self._rebuilds_seen = self.neighbors.rebuilds
         self._needs_rebuild = self._rebuild_suspended = False
 
     def _next_step_in_words(self) -> str:
@@ -372,6 +386,8 @@ class Solver:
         done = [self.step_count, self.neighbors.rebuilds, self._needs_rebuild]
         order = [self.params.block, *self.params.axes]
         stored["counts"] = np.array([*done, self.spec.half_list, *order], np.int64)
+        if self._motion:
+            stored["list_step"] = np.array(self._motion.list_step, np.int64)
         return stored
 
     def load_state_dict(self, saved: dict[str, np.ndarray], walls: list[Wall] | None = None) -> None:
@@ -380,7 +396,7 @@ class Solver:
         Raises SimulationError for a state of another scene, precision or kind of device.
         """
         state, counts = self.state, [int(v) for v in saved["counts"]]
-        names = {"now", "counts", *self._stored_arrays()}
+        names = {"now", "counts", *self._stored_arrays(), *(["list_step"] if self._motion else [])}
         same = names == set(saved) and state.now.numpy().dtype == saved["now"].dtype
         if not same or counts[3] != self.spec.half_list:
             raise SimulationError("the saved state is of another scene, precision or kind of device")
@@ -397,6 +413,9 @@ class Solver:
         self._set_walls(walls)
         # mutate: restart_counts
         self.step_count, self.neighbors.rebuilds, self._needs_rebuild = counts[0], counts[1], bool(counts[2])
+        self._rebuilds_seen = counts[1]
+        if self._motion:
+            self._motion.list_made(int(saved["list_step"]))  # mutate: list_step_at_restart
 
     def _stored_arrays(self) -> list[str]:
         """Arrays of `state.particles` that last from step to step.

@@ -285,7 +285,7 @@ def step_kernel(spec: Spec) -> Any:
     resolve, damping_apart, at_wall = procedure.resolve, procedure.damping_apart, wall_procedure(spec)
     resolve_at_wall, damping_at_wall = at_wall.resolve, at_wall.damping_apart
     nearest = nearest_image(spec.periodic, spec.precision)
-    velocity_of_wall = wall_frame(spec).velocity
+    velocity_of_wall, power_of_wall = wall_frame(spec).velocity, wall_frame(spec).power
     decide_on_triangles, makes_no_contact = mesh_contacts(spec), triangle_apart(spec)
     contact_of = wall_entry(spec) if spec.has_walls else None
     fast_gap = fast_floor_gap(spec.precision)
@@ -403,8 +403,8 @@ def step_kernel(spec: Spec) -> Any:
                 contacts += 2  # a contact with a particle is counted from both sides
                 if wp.static(spec.moving_walls):
                     if not (mode & SETUP):
-                        # mutate: work_of_floor
-                        particles.wall_work[i] += wp.float64(wp.dot(to_wide(f), v_wall) * params.dt_wide)
+                        power = power_of_wall(walls, at, to_wide(f), v_wall, to_wide(rolling))
+                        particles.wall_work[i] += wp.float64(power * params.dt_wide)  # mutate: work_of_floor
                 store(particles, k, entry, other, spring, rolling, mode)
 
         if wp.static(spec.gravity):

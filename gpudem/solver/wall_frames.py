@@ -19,6 +19,7 @@ def wall_frame(spec: Spec) -> SimpleNamespace:
     to_wall(walls, at, x) -> the point in the wall's frame, that of its place at the start.
     to_space(walls, at, direction) -> a direction of the wall's frame in space.
     velocity(walls, at, w, q, normal) -> velocity [m/s] of the wall's point at q in space.
+    power(walls, at, force, velocity of the point, rolling torque) -> power [W] of the wall on a particle.
     """
     t = structs(spec.precision)
     Walls, wide, wide3 = t.Walls, t.wide, t.wide3
@@ -56,7 +57,14 @@ def wall_frame(spec: Spec) -> SimpleNamespace:
             return walls.velocity[w]
         return wide3()
 
-    return SimpleNamespace(to_wall=to_wall, to_space=to_space, velocity=velocity)
+    @wp.func
+    def power(walls: Walls, at: wp.int32, force: wide3, velocity: wide3, rolling: wide3):
+        """The wall's power on a particle: by the force at a point of this velocity, and by the torque."""
+        if wp.static(spec.turning_walls and spec.rotation):
+            return wp.dot(force, velocity) - wp.dot(rolling, walls.spin[at])  # mutate: work_of_rolling_torque
+        return wp.dot(force, velocity)
+
+    return SimpleNamespace(to_wall=to_wall, to_space=to_space, velocity=velocity, power=power)
 
 
 @functools.cache

@@ -7,71 +7,137 @@ from typing import Any
 import numpy as np
 
 from gpudem.scene import Scene
-from gpudem.walls.motion import Poses, WallPath
+from gpudem.scene.walls import Wall
+from gpudem.walls.motion import BLOCK
+
+#: Tables of a struct `Walls` with a row for each wall in each launch.
+TABLES = ("rotation", "displacement", "velocity", "spin", "center")
+
+
+#: Steps for which reach is determined at once; a divisor of BLOCK.
+AHEAD = 32
 
 
 class WallMotion:
-    """The walls with motions of a scene; a saw-tooth has none.
+    """The walls with motions of a scene, and how long a list holds.
 
-    The list holds for as long as particle and wall have come no nearer than the skin: half of it is the
-    particles', half the walls'.
+    A list holds for as long as particle and wall have come no nearer than the skin: half of it is the
+    particles', half the walls'. A list made within a CUDA graph is for the walls' places in its first launch.
+
+    Args:
+        chunk: Launches between two looks by the host, each with rows of its own in the tables.
+        lists_in_chunk: Lists are also made between the launches of a chunk.
     """
 
-    def __init__(self, scene: Scene, chunk: int):
-        self.scene, self.chunk = scene, chunk
-        dt, sums = scene.time.step, scene.contact.mesh_contacts == "liggghts"
+    def __init__(self, scene: Scene, chunk: int, lists_in_chunk: bool = False):
+        self.scene, self.chunk, self.lists_in_chunk = scene, chunk, lists_in_chunk
         self.paths = {
-            w: WallPath(wall.motion, dt, sums) for w, wall in enumerate(scene.wall_elements) if wall.motion
+            w: scene.wall_paths[wall.name] for w, wall in enumerate(scene.wall_elements) if wall.motion
         }
-        self._bounds = {w: self._corners(w) for w in self.paths}
-        self._at_rebuild: dict[int, np.ndarray] = {}
+        self.list_step: int | None = None
+        """The step for whose places the list was made."""
+        self._present = set(self.paths)
+        self._reached, self._beyond = 0, False
+        self._corners = np.array(scene.domain.lo), np.array(scene.domain.hi)
+        self._at_list: dict[int, np.ndarray] = {}
+        self._known_marks: dict[tuple[int, int], np.ndarray] = {}
+        self._limit = scene.skin / 2  # mutate: share_of_skin
+        self._chunk_way = (
+            max((scene.wall_speeds[w] for w in self.paths), default=0.0) * scene.time.step * chunk
+        )
+        self._rows = max(BLOCK, chunk)
+        self._begin = -self._rows
+        self._tables_ahead: dict[str, np.ndarray] = {}
+        self._views: dict[str, np.ndarray] = {}
+        self._walls: Any = None
 
     def __bool__(self) -> bool:
         return bool(self.paths)
 
-    def _corners(self, w: int) -> np.ndarray:
-        """Corners of a box around the wall at the start, or around the domain for one without ends [m]."""
-        wall = self.scene.wall_elements[w]
-        points = getattr(wall, "corners", None)
-        ends = (self.scene.domain.lo, self.scene.domain.hi)
-        lo, hi = ends if points is None else (points.min(axis=(0, 1)), points.max(axis=(0, 1)))
-        return np.array([[(lo, hi)[i >> k & 1][k] for k in range(3)] for i in range(8)], float)
+    def attach(self, walls: Any, present: list[Wall]) -> None:
+        """Write into this struct `Walls` from now on; of the others no list need know. A new list follows."""
+        if not self.paths:
+            return
+        names = {wall.name for wall in present}
+        self._present = {w for w in self.paths if self.scene.wall_elements[w].name in names}
+        self._walls, self.list_step = walls, None
+        self._views = {}
+        if walls.rotation.device.is_cpu:
+            arrays = {name: getattr(walls, name).numpy() for name in TABLES}
+            rows = (self.chunk, len(self.scene.wall_elements))
+            self._views = {name: values.reshape(*rows, *values.shape[1:]) for name, values in arrays.items()}
 
-    def tables(self, step: int) -> dict[str, np.ndarray]:
-        """The tables of poses for launches that begin with `step`: rotation, displacement, velocity, ..."""
-        m, chunk = len(self.scene.wall_elements), self.chunk
-        found = {
-            "rotation": np.tile(np.eye(3), (chunk, m, 1, 1)),
-            **{name: np.zeros((chunk, m, 3)) for name in ("displacement", "velocity", "spin", "center")},
-        }
-        for w, path in self.paths.items():
-            poses = path.at(step, chunk)
-            for name in found:
-                found[name][:, w] = getattr(poses, "shift" if name == "displacement" else name)
+    # -- places --------------------------------------------------------------------------------------------
+
+    def assign(self, step: int) -> None:
+        """Write the places for launches that begin with `step`."""
+        k = step - self._begin
+        if not 0 <= k <= self._rows - self.chunk:
+            self._begin, k = step, 0
+            self._tables_ahead = self._tables(step, self._rows)
+        for name, values in self._tables_ahead.items():
+            if self._views:
+                self._views[name][:] = values[k : k + self.chunk]
+            else:
+                rows = values[k : k + self.chunk]
+                getattr(self._walls, name).assign(rows.reshape(-1, *rows.shape[2:]))
+
+    def _tables(self, first: int, count: int) -> dict[str, np.ndarray]:
+        """The tables of poses in so many steps: shapes (count, m, 3, 3) and (count, m, 3)."""
+        walls = self.scene.wall_elements
+        found = {name: np.zeros((count, len(walls), 3)) for name in TABLES}
+        found["rotation"] = np.tile(np.eye(3), (count, len(walls), 1, 1))
+        for w, wall in enumerate(walls):
+            if w in self.paths:
+                poses = self.paths[w].at(first, count)
+                for name in TABLES:
+                    found[name][:, w] = poses.shift if name == "displacement" else getattr(poses, name)
+            elif wall.speed > 0:
+                times = np.arange(first, first + count) * self.scene.time.step
+                found["displacement"][:, w] = [wall.displacement(time) for time in times.tolist()]
+                found["velocity"][:, w] = wall.velocity  # mutate: saw_tooth_beside_motion
         return found
 
-    def rebuilt(self, step: int) -> None:
-        """The list was made for the places of `step`."""
-        self._at_rebuild = {w: self._places(w, path.at(step, 1))[0] for w, path in self.paths.items()}
+    # -- how long a list holds -----------------------------------------------------------------------------
+
+    def list_made(self, step: int) -> None:
+        """A list was made for the places of `step`."""
+        self.list_step, self._reached, self._beyond = step, step, False
+        self._at_list = {w: self._marks(w, step, 1)[0] for w in self._present}
 
     def steps_within(self, step: int, count: int) -> int:
         """In how many of the next `count` steps, from `step` on, the list reaches the walls; 0: none."""
-        allowed, limit = count, self.scene.skin / 2
-        for w, path in self.paths.items():
-            if w not in self._at_rebuild:
-                return 0
-            places = self._places(w, path.at(step, count))
-            way = np.linalg.norm(places - self._at_rebuild[w], axis=2).max(axis=1)
-            beyond = np.flatnonzero(way > limit)
-            allowed = min(allowed, int(beyond[0]) if len(beyond) else count)
+        if self.list_step is None:
+            return 0
+        while self._reached < step + count and not self._beyond:
+            ahead = AHEAD - self._reached % AHEAD
+            within = self._first_beyond(self._at_list, self._reached, ahead)
+            self._reached, self._beyond = self._reached + within, within < ahead
+        allowed = max(0, min(count, self._reached - step))
+        if self.lists_in_chunk and allowed > 1 and self._chunk_way > self._limit:
+            made = {w: self._marks(w, step, 1)[0] for w in self._present}
+            allowed = min(allowed, self._first_beyond(made, step, allowed))  # mutate: list_of_first_launch
         return allowed
 
-    def _places(self, w: int, poses: Poses) -> np.ndarray:
-        """Where the corners of the box are: shape (k, 8, 3) [m]."""
-        return np.einsum("kij,pj->kpi", poses.rotation, self._bounds[w]) + poses.shift[:, None]
+    def _first_beyond(self, made: dict[int, np.ndarray], first: int, count: int) -> int:
+        """How many steps from `first` on all walls are within reach of a list made at these marks."""
+        for w, before in made.items():
+            if count == 0:
+                break
+            way = self.scene.wall_elements[w].moved(self._marks(w, first, count), before)
+            if way.max() > self._limit:
+                count = int(np.argmax(way > self._limit))
+        return count
 
-    def assign(self, walls: Any, step: int) -> None:
-        """Write the tables of a struct `Walls`."""
-        for name, values in self.tables(step).items():
-            array = getattr(walls, name)
-            array.assign(values.reshape(-1, *values.shape[2:]))
+    def _marks(self, w: int, first: int, count: int) -> np.ndarray:
+        """The marks of a wall in so many steps, computed block by block."""
+        found, end = [], first + count
+        for b in range(first // BLOCK, (end - 1) // BLOCK + 1):
+            if (w, b) not in self._known_marks:
+                poses = self.paths[w].at(b * BLOCK, BLOCK)
+                wall, lo, hi = self.scene.wall_elements[w], *self._corners
+                self._known_marks[w, b] = wall.marks(poses.rotation, poses.shift, lo, hi)
+                for old in [key for key in self._known_marks if key[0] == w][:-2]:
+                    del self._known_marks[old]
+            found.append(self._known_marks[w, b][max(0, first - b * BLOCK) : end - b * BLOCK])
+        return found[0] if len(found) == 1 else np.concatenate(found)

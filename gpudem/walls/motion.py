@@ -2,7 +2,8 @@
 
 Several motions act together in the order given, as in LIGGGHTS: a translation carries along the points of the
 turns that stand after it; a turn whose point no translation carries turns the wall, already moved, about a
-point at rest in space.
+point at rest in space. At every time the velocity of a point of the wall at q is the sum of theirs,
+V + w x (q - p) with p the point of a turn where it then is.
 
 No Warp here: poses are computed on the host in float64, block by block.
 """
@@ -18,6 +19,8 @@ from gpudem.scene.motion import Translation, Turn, rotations
 
 #: Steps whose poses are computed at once.
 BLOCK = 256
+#: Blocks that are kept.
+KEPT = 4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,23 +43,49 @@ class Poses:
 
     def part(self, begin: int, end: int) -> Poses:
         """Some of the steps."""
-        return Poses(*(getattr(self, field.name)[begin:end] for field in dataclasses.fields(self)))
+        return Poses(
+            self.rotation[begin:end], self.shift[begin:end],
+            self.velocity[begin:end], self.spin[begin:end], self.center[begin:end],
+        )  # fmt: skip
+
+    def velocity_at(self, q: np.ndarray) -> np.ndarray:
+        """Velocity [m/s] of the wall's points at q [m] in space, shape (k, 3)."""
+        return self.velocity + np.cross(self.spin, q - self.center)
+
+
+@dataclasses.dataclass
+class _End:
+    """What a block hands to the next: what its last step has summed up."""
+
+    sums: list[np.ndarray]
+    """Displacement [m] or angle [rad] of each motion."""
+    pose: np.ndarray
+    """Of motions composed step by step, (4, 4): rotation and shift."""
 
 
 class WallPath:
     """Poses of one wall at steps of dt [s].
 
-    sums: positions are right-hand sums x_n = x_(n-1) + v_n dt of the velocities, as LIGGGHTS computes those
-    of all motions but `linear` and `rotate`; else closed forms. A turn before a translation has no closed
-    form: each step's exact increments are then composed.
+    sums: LIGGGHTS' places. Those of all motions but `linear` and `rotate` are right-hand sums
+    x_n = x_(n-1) + v_n dt; in a step the motions act one after the other, whole, and a turn's velocity is
+    about its point as moved by the translations that come after it in the step; in the set-up at step 0 the
+    wall has no velocity.
+    Else: closed forms, true velocities, at the start too. Only a turn with a motion after it has none: each
+    step composes the exact half steps of the motions in their order, then in the reverse order, an error of
+    second order in dt.
+
+    Sums and composed steps are computed from the start on, block by block: a restart at step n costs n steps
+    of them, microseconds each, and gives the same bits.
     """
 
     def __init__(self, motions: Sequence[Translation | Turn], dt: float, sums: bool = False):
         self.motions, self.dt, self.sums = motions, dt, sums
         self._blocks: dict[int, Poses] = {}
-        self._ends: dict[int, tuple[np.ndarray, np.ndarray, list[np.ndarray]]] = {}
         turns = [k for k, motion in enumerate(motions) if motion.turns]
-        self.closed = not sums and (not turns or turns == [len(motions) - 1])
+        self.closed = not turns or turns == [len(motions) - 1]
+        start = [np.zeros(()) if motion.turns else np.zeros(3) for motion in motions]
+        self._ends = {0: _End(start, np.eye(4))}
+        self._from_sums = [sums and not motion.exact for motion in motions]
 
     def at(self, first: int, count: int) -> Poses:
         """Poses in the steps first .. first + count - 1; step 0 is the start."""
@@ -70,77 +99,125 @@ class WallPath:
 
     def _block(self, b: int) -> Poses:
         if b not in self._blocks:
-            poses = self._closed_block(b) if self.closed else self._summed_block(b)
-            for old in sorted(self._blocks)[: len(self._blocks) - 3]:
+            before = b if self.closed and not any(self._from_sums) else max(k for k in self._ends if k <= b)
+            for earlier in range(before, b):
+                self._compute(earlier)
+            self._blocks[b] = self._compute(b)
+            for old in list(self._blocks)[:-KEPT]:  # those computed first
                 del self._blocks[old]
-            self._blocks[b] = poses
         return self._blocks[b]
 
-    def _closed_block(self, b: int) -> Poses:
-        time = np.arange(b * BLOCK, (b + 1) * BLOCK) * self.dt
+    def _compute(self, b: int) -> Poses:
+        steps = np.arange(b * BLOCK, (b + 1) * BLOCK)
+        rates = [motion.rate(steps * self.dt) for motion in self.motions]
+        end = self._ends.get(b)
+        ways = [self._way(m, b, steps, rates[m], end) for m in range(len(self.motions))]
+        if self.closed:
+            poses, last = self._closed_poses(ways, rates), np.eye(4)
+        else:
+            assert end is not None
+            poses, last = self._composed_poses(b, steps, ways, rates, end)
+        if end is not None:
+            self._ends.pop(b + 1, None)
+            self._ends[b + 1] = _End([way[-1] for way in ways], last)
+            for old in list(self._ends)[1:-KEPT]:  # the first is the start
+                del self._ends[old]
+        if b == 0 and self.sums:  # mutate: no_velocity_in_set_up
+            poses.velocity[0], poses.spin[0] = 0.0, 0.0
+        return poses
+
+    def _way(self, m: int, b: int, steps: np.ndarray, rate: np.ndarray, end: _End | None) -> np.ndarray:
+        """Displacement or angle of motion m since the start in a block's steps."""
+        if not self._from_sums[m]:
+            return self.motions[m].way(steps * self.dt)
+        assert end is not None
+        increments = rate * self.dt  # mutate: right_hand_sum
+        if b == 0:
+            increments[0] = 0.0
+        return np.cumsum(np.concatenate([end.sums[m][None], increments]), axis=0)[1:]
+
+    def _closed_poses(self, ways: list[np.ndarray], rates: list[np.ndarray]) -> Poses:
+        """Translations, then at most one turn."""
         shift, velocity = np.zeros((BLOCK, 3)), np.zeros((BLOCK, 3))
         rotation = np.broadcast_to(np.eye(3), (BLOCK, 3, 3))
         spin, center = np.zeros((BLOCK, 3)), np.zeros((BLOCK, 3))
-        for motion in self.motions:
-            if isinstance(motion, Translation):
-                shift, velocity = shift + motion.way(time), velocity + motion.rate(time)
-            else:
-                rotation = rotations(motion.unit_axis, motion.way(time))
-                spin = motion.rate(time)[:, None] * motion.unit_axis
+        for motion, way, rate in zip(self.motions, ways, rates, strict=True):
+            if isinstance(motion, Turn):
+                rotation = rotations(motion.unit_axis, way)
+                spin = rate[:, None] * motion.unit_axis
                 point = np.array(motion.point)
-                center = point + shift
+                center = point + shift  # mutate: point_carried_along
                 shift = center - rotation @ point
+            else:
+                shift, velocity = shift + way, velocity + rate
         return Poses(rotation, shift, velocity, spin, center)
 
-    def _summed_block(self, b: int) -> Poses:
-        """Poses composed step by step, from the end of the block before."""
-        start = self._end_of(b)
-        rotation, shift, points = start[0].copy(), start[1].copy(), [p.copy() for p in start[2]]
-        steps = np.arange(b * BLOCK, (b + 1) * BLOCK)
-        rates = [motion.rate(steps * self.dt) for motion in self.motions]
-        ways = [self._increments(motion, steps) for motion in self.motions]
-        rows = []
-        for k, step in enumerate(steps):
-            centers: dict[int, np.ndarray] = {}
-            for m, motion in enumerate(self.motions if step else ()):
-                if isinstance(motion, Translation):
-                    shift = shift + ways[m][k]
-                    points[m + 1 :] = [p + ways[m][k] for p in points[m + 1 :]]
-                    centers = {j: c + ways[m][k] for j, c in centers.items()}
-                else:
-                    turn = rotations(motion.unit_axis, ways[m][k : k + 1])[0]
-                    rotation, shift = turn @ rotation, points[m] + turn @ (shift - points[m])
-                    centers[m] = points[m]
-            rows.append((rotation, shift, *self._velocity(rates, k, centers, points)))
-        self._ends[b + 1] = (rotation, shift, points)
-        return Poses(*(np.array(column) for column in zip(*rows, strict=True)))
+    # -- composed step by step -----------------------------------------------------------------------------
 
-    def _increments(self, motion: Translation | Turn, steps: np.ndarray) -> np.ndarray:
-        """The way of each step since the step before."""
+    def _composed_poses(
+        self, b: int, steps: np.ndarray, ways: list[np.ndarray], rates: list[np.ndarray], end: _End
+    ) -> tuple[Poses, np.ndarray]:
+        """(poses, the last one as a matrix): each step's move, applied to the pose of the step before."""
+        before = [np.concatenate([e[None], w[:-1]]) for e, w in zip(end.sums, ways, strict=True)]
         if self.sums:
-            return motion.rate(steps * self.dt) * self.dt
-        return motion.way(steps * self.dt) - motion.way((steps - 1) * self.dt)
+            moves = self._moves(before, ways, ways, range(len(ways)))
+        else:
+            middle = [motion.way((steps - 0.5) * self.dt) for motion in self.motions]
+            first = self._moves(before, middle, middle, range(len(ways)))
+            moves = (
+                self._moves(middle, ways, middle, reversed(range(len(ways)))) @ first
+            )  # mutate: half_moves
+        if b == 0:
+            moves[0] = np.eye(4)
+        step = 1
+        while step < BLOCK:  # products of 2, 4, 8 ... moves
+            moves[step:] = moves[step:] @ moves[:-step]
+            step *= 2
+        found = moves @ end.pose
+        last = found[-1].copy()  # rounding must not grow into a stretch
+        last[:3, :3] = last[:3, :3] @ (3 * np.eye(3) - last[:3, :3].T @ last[:3, :3]) / 2
+        found[-1] = last
+        velocity, spin, center = self._velocities(before, ways, rates)
+        return Poses(found[:, :3, :3].copy(), found[:, :3, 3].copy(), velocity, spin, center), last
 
-    def _velocity(
-        self, rates: list[np.ndarray], k: int, centers: dict[int, np.ndarray], points: list[np.ndarray]
+    def _moves(
+        self, begin: list[np.ndarray], end: list[np.ndarray], carried: list[np.ndarray], order
+    ) -> np.ndarray:
+        """Matrices (k, 4, 4) that take a wall through the motions' ways from `begin` to `end`, one by one.
+
+        carried: the displacements that have carried the points of turns along.
+        """
+        moves = np.broadcast_to(np.eye(4), (BLOCK, 4, 4))
+        for m in order:
+            motion, own = self.motions[m], np.tile(np.eye(4), (BLOCK, 1, 1))
+            if isinstance(motion, Turn):
+                turn, point = rotations(motion.unit_axis, end[m] - begin[m]), self._point(m, carried)
+                own[:, :3, :3] = turn
+                own[:, :3, 3] = point - np.einsum("kij,kj->ki", turn, point)
+            else:
+                own[:, :3, 3] = end[m] - begin[m]
+            moves = own @ moves  # mutate: order_of_motions
+        return moves
+
+    def _point(self, m: int, ways: list[np.ndarray]) -> np.ndarray:
+        """The point of turn m where the translations before it have carried it [m], shape (k, 3)."""
+        point = np.tile(np.array(self.motions[m].point), (BLOCK, 1))  # type: ignore[union-attr]
+        return point + sum(ways[j] for j in range(m) if not self.motions[j].turns)
+
+    def _velocities(
+        self, before: list[np.ndarray], ways: list[np.ndarray], rates: list[np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(velocity, spin, center) of step k of a block: every turn about its own point."""
-        velocity, spin, center = np.zeros(3), np.zeros(3), None
+        """(velocity, spin, center) of each step: every turn about its own point, all in the frame of one."""
+        velocity, spin, center = np.zeros((BLOCK, 3)), np.zeros((BLOCK, 3)), None
         for m, motion in enumerate(self.motions):
-            if isinstance(motion, Translation):
-                velocity = velocity + rates[m][k]
+            if not isinstance(motion, Turn):
+                velocity = velocity + rates[m]
                 continue
-            own, at = rates[m][k] * motion.unit_axis, centers.get(m, points[m])
+            own, at = rates[m][:, None] * motion.unit_axis, self._point(m, ways)
+            if self.sums:  # LIGGGHTS turns first, and then moves what has turned
+                after = [j for j in range(m + 1, len(ways)) if not self.motions[j].turns]
+                at = at + sum(ways[j] - before[j] for j in after)  # mutate: center_moved_after_turn
             center = at if center is None else center
             velocity, spin = velocity + np.cross(own, center - at), spin + own
-        return velocity, spin, np.zeros(3) if center is None else center
-
-    def _end_of(self, b: int) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
-        """(rotation, shift, points of the turns) after the last step before block b."""
-        if b == 0:
-            points = [np.array(getattr(motion, "point", (0.0, 0.0, 0.0))) for motion in self.motions]
-            return np.eye(3), np.zeros(3), points
-        known = max((k for k in self._ends if k <= b), default=0)
-        for earlier in range(known, b):
-            self._summed_block(earlier)
-        return self._ends[b]
+        assert center is not None
+        return velocity, spin, center
