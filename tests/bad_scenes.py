@@ -354,10 +354,10 @@ WALLS = [
 # fmt: on
 
 
-def moved(name: str, motion: str, *expected: str, problems: int = 1, **edits: str) -> Bad:
+def moved(name: str, motion: str, *expected: str, edits: dict[str, str] | None = None) -> Bad:
     """The floor with one motion, its keys separated by semicolons; `edits` also change other lines."""
     text = "[[walls.motion]]\n" + "\n".join(part.strip() for part in motion.split(";"))
-    return Bad(name, {"[domain]": f"{text}\n[domain]", **edits}, expected, problems)
+    return Bad(name, {"[domain]": f"{text}\n[domain]", **(edits or {})}, expected)
 
 
 _FALSE = "periodic = [false, false, false]"
@@ -395,7 +395,7 @@ MOTIONS = [
         ("walls[0].motion = {'type': 'linear'}: must be a list",)),
     Bad("motion that is no table", {PLANE: PLANE + "\nmotion = [5]"}, ("walls[0].motion[0] = 5: must be a table",)),
     moved("motion beside vibration", 'type = "linear"; velocity = [0, 0, 0.1]',
-        "walls: floor.vibration: beside motion; state one of the two", **{PLANE: PLANE + "\nvibration = {speed = 0.1}"}),
+        "walls: floor.vibration: beside motion; state one of the two", edits={PLANE: PLANE + "\nvibration = {speed = 0.1}"}),
     moved("motion faster than a radius in a step", 'type = "linear"; velocity = [0, 0, 400]',
         "walls: floor.motion: moves up to 400 m/s within the domain, 0.004 m in a step",
         "allowed: < the smallest radius, 0.003 m; waive with allow = ['speed']"),
@@ -403,6 +403,6 @@ MOTIONS = [
         "walls: floor.motion.period = 5e-05 s: is 5 time steps; allowed: >= 10; waive with allow = ['time_step']"),
     moved("plane that turns into a periodic side", 'type = "rotate"; axis = [0, 1, 0]; period = 1.0',
         "walls: floor.motion: a plane without ends that turns about (0.0, 1.0, 0.0) would cross x, which is periodic",
-        **{_FALSE: "periodic = [true, true, false]"}),
+        edits={_FALSE: "periodic = [true, true, false]"}),
 ]
 # fmt: on

@@ -310,7 +310,7 @@ def test_walls_are_written_as_they_move(tmp_path):
         {"type": "rotate", "axis": (0, 0, 1), "period": 4e-3},
         {"type": "linear", "velocity": (0, 0, -0.5)},
     ]
-    run = gpudem.simulate(scene({"motion": motion}), tmp_path / "run")
+    run = gpudem.simulate(scene({"motion": motion}, allow=["speed"]), tmp_path / "run")
     for (t, points), turned in zip(walls_of(tmp_path / "run"), ((1, 0), (0, 1), (-1, 0)), strict=True):
         c, s = turned
         expected = SQUARE[ROWS].reshape(-1, 3) @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) + [
