@@ -449,3 +449,17 @@ def test_no_energy_warning_of_a_wall_that_does_work():
     assert run.history is not None
     assert run.history.kinetic_energy.iloc[-1] > 0
     assert not [note for note in run.warnings if "energy" in note]
+
+
+def test_a_mesh_that_leaves_through_a_periodic_side():
+    """It meets, 2.3 periods on, the balls that meet it at rest when they come the same way."""
+    plate = {**PLATE, "vertices": [(0.5 * x, y, -0.0045) for x, y, _ in PLATE["vertices"]]}
+    sides = {"domain": {"lo": (-0.1, -0.3, -0.3), "hi": (0.12, 0.4, 0.3), "periodic": (True, False, False)}}
+    velocity = np.array([22.0, 0.0, 0.1037])
+    moving = {**plate, "motion": [{"type": "linear", "velocity": tuple(velocity)}]}
+    data = grid().particles.model_dump() | {"velocity": [tuple(-velocity)] * 12}
+    frictionless = {"pairs": [{**p, "friction": 0.0} for p in PAIRS], "output": {}, "allow": ["time_step"]}
+    one = ended(grid(moving, **sides, **frictionless))["velocity"]
+    other = ended(grid(plate, particles=data, **sides, **frictionless))["velocity"]
+    assert np.abs(one[:, 2]).max() > 0.1
+    assert np.abs(one - velocity - other).max() < 1e-6
