@@ -14,7 +14,7 @@ import pytest
 import gpudem
 from gpudem.errors import GpudemError, SceneError
 from gpudem.output.vtu import read_pvd
-from gpudem.scene import Mesh, Scene, checks
+from gpudem.scene import Mesh, Scene, checks, scene_warnings
 from gpudem.scene.mesh_distance import distance_to_triangles, pair_distance
 from gpudem.scene.mesh_repair import oddities, repaired
 from tests.test_mesh_files import ascii_stl
@@ -278,6 +278,27 @@ def test_a_run_keeps_its_meshes(stl, tmp_path):
         gpudem.Run.load(tmp_path / "moved")
 
 
+def test_a_run_resumes_without_the_file(stl, tmp_path):
+    """Bit for bit, walls of later frames included: catches a mesh read from where it was."""
+    one = from_file(stl, motion=[{"type": "linear", "velocity": (0.0, 0.0, 0.1)}])
+    one = one.replace(output={"restart_every": 1e-3})
+    whole = gpudem.simulate(one, tmp_path / "whole")
+
+    def stop(sim: gpudem.Simulation) -> None:
+        if sim.step_count == 60:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        gpudem.simulate(one, tmp_path / "part", hooks=[gpudem.every(2e-5, stop)])
+    stl.unlink()
+    resumed = gpudem.resume(tmp_path / "part")
+    assert whole.trace is not None
+    assert resumed.trace is not None
+    assert np.array_equal(resumed.trace["position"][-1], whole.trace["position"][-1])
+    for (_, a), (_, b) in zip(walls_of(tmp_path / "whole"), walls_of(tmp_path / "part"), strict=True):
+        assert np.array_equal(a, b)
+
+
 def test_a_new_run_removes_only_its_own_meshes(stl, tmp_path):
     """Not files of the user that are named alike. Catches a removal by pattern."""
     gpudem.simulate(from_file(stl), tmp_path / "run")
@@ -373,6 +394,11 @@ def test_warnings(wall, changes, sentence):
     walls = [{k: v for k, v in data.items() if v is not None}]
     found = checks.warnings(scene(walls=walls, **changes))
     assert any(sentence in text for text in found), found
+
+
+def test_the_memory_of_a_mesh_is_told(monkeypatch):
+    monkeypatch.setattr(scene_warnings, "MANY_BYTES", 400)
+    assert "walls: 2 triangles take about 0.0 GB" in checks.warnings(scene())
 
 
 def test_more_warnings_of_walls():

@@ -31,7 +31,9 @@ EXTENSION = 1e-3
 RULE_OF = {"merge_angle": "unique", "mesh_curvature": "liggghts"}
 #: Bytes of a frame for each particle.
 FRAME_BYTES = 150
-#: Frames above this size [bytes] are warned of.
+#: Bytes of a triangle in the tables of the device, search tree included (in float64).
+TRIANGLE_BYTES = 210
+#: Frames, and meshes, above this size [bytes] are warned of.
 MANY_BYTES = 2e9
 
 
@@ -287,6 +289,9 @@ def unexpected(scene: Scene) -> list[str]:
         found.append("no gravity and no start velocity: nothing moves unless particles overlap")
     if needs.gravity and not scene.walls and not needs.periodic:
         found.append("gravity and no wall: particles leave the domain, which ends the run")
+    triangles = sum(len(mesh.corners) for mesh in scene.meshes)
+    if triangles * TRIANGLE_BYTES > MANY_BYTES:
+        found.append(f"walls: {triangles} triangles take about {triangles * TRIANGLE_BYTES / 1e9:.1f} GB")
     size = scene.n_steps // scene.frame_stride * len(state) * FRAME_BYTES
     if size > MANY_BYTES:
         found.append(f"output.frames_every: the frames take about {size / 1e9:.1f} GB")
