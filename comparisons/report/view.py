@@ -319,7 +319,8 @@ def anchor(text: str) -> str:
 
 
 def read_table(text: str) -> dict[str, list]:
-    """CSV as header and rows of text; numbers rounded for a reader, their full digits as the title.
+    """CSV as header, which columns hold numbers only, and rows of text; numbers rounded for a reader, with
+    their full digits as the title.
 
     Raises Refused where it is not CSV.
     """
@@ -327,7 +328,9 @@ def read_table(text: str) -> dict[str, list]:
         lines = list(csv.reader(io.StringIO(text)))
     except csv.Error as error:
         raise Refused(f"not a table: {error}") from None
-    return {"header": lines[0] if lines else [], "rows": [[_cell(x) for x in line] for line in lines[1:]]}
+    header, rows = lines[0] if lines else [], [[_cell(x) for x in line] for line in lines[1:]]
+    numeric = [all(row[k][2] for row in rows if k < len(row)) for k in range(len(header))]
+    return {"header": header, "numeric": numeric, "rows": rows}
 
 
 def _cell(text: str) -> tuple[str, str, bool]:

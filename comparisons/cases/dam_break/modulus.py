@@ -298,7 +298,7 @@ def _enough(results: kit.Results, part: str) -> str:
         )
     if not math.isnan(soft):
         shifts = {n: m for n, m in significant(results, soft).items() if n in PARTS[part]}
-        text += f" At {number(soft, 3)} Pa: {_quantities(shifts, '+.3g')}."
+        text += f" Significant at {number(soft, 3)} Pa: {_quantities(shifts, '+.3g')}."
     return text
 
 
