@@ -104,6 +104,12 @@ def test_checks_that_do_not_hold_are_at_the_top_with_their_links(page):
     assert "ValueError: &lt;script&gt;" in head
 
 
+def test_heads_of_columns_of_numbers_stand_above_their_numbers(page):
+    """Detects a head on the left of a column whose numbers are on its right."""
+    assert '<th scope="col" class="n">largest error [m]</th>' in page
+    assert '<th scope="col">variant</th>' in page
+
+
 def test_names_of_checks_show_codes_as_people_know_them():
     shown = report_view.named("order (liggghts) of event_driven, gpudem")
     assert shown == "order (LIGGGHTS) of event-driven, gpudem"
