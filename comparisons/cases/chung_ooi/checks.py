@@ -117,8 +117,9 @@ def against_published(
 
 
 def coulomb(
-    test: Test, prefix: str, ratio: tuple[float, float], reason: str, catches: str, **fields: Any
-) -> kit.PerCode:
+    test: Test, prefix: str, ratio: tuple[float, float], reason: str,
+    catches: str = "friction not limited to mu F_n", **fields: Any,
+) -> kit.PerCode:  # fmt: skip
     """Per code: velocity lost in gross sliding over mu (1 + e) v_n, the one farthest from 1, of the impacts
     whose slip is at least twice the limit of the rigid sphere, 7/2 mu (1 + e) v_n.
 

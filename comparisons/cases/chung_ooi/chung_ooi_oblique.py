@@ -44,14 +44,10 @@ CASE = kit.Case(
             against="FEM, Wu et al. 2003", within=(8.0, 14.0),
         ),
         coulomb(
-            T4, "T4_", (0.995, 1.005), "at e = 0.98 the tensile force adds 0.1 %; the contact sticks briefly"
-                " at its beginning",
-            "friction not limited to mu F_n",
+            T4, "T4_", (0.995, 1.005),
+            "at e = 0.98 the tensile force adds 0.1 %; the contact sticks briefly at its beginning",
         ),
-        coulomb(
-            T5, "T5_", (1 - 1e-6, 1 + 1e-6), "e = 1: no tensile force, no"
-                " dashpot", "friction not limited to mu F_n"
-        ),
+        coulomb(T5, "T5_", (1 - 1e-6, 1 + 1e-6), "e = 1: no tensile force, no dashpot"),
     ),
     figures=(
         figures.curves(

@@ -198,11 +198,9 @@ FINDINGS: tuple[kit.Finding, ...] = (
             lambda results, law=law: _excess(results, law, THEIRS), sentence,
         )
         for law, sentence in (
-            ("default", "Friction limited by mu |F_n| while the normal force is tensile, and a dashpot added"
-                " after the limit."),
-            ("limit_force", "Only the effect of the dashpot"
-                " remains."), ("dashpot_off", "Only the effect of the tensile"
-                " force remains."),
+            ("default", "Friction limited by mu |F_n| in tension too, and a dashpot added after the limit."),
+            ("limit_force", "Only the effect of the dashpot remains."),
+            ("dashpot_off", "Only the effect of the tensile force remains."),
         )
     ),
     _finding(

@@ -152,13 +152,11 @@ def summary(results: kit.Results) -> kit.Rows:
          f"{number(hop_gap, 2)} mm/s from the second hop on, at 200 mm/s",
          _in_flow(results, ("flow_default_factor", THEIRS)),
          "deck: contact_distance_factor 1.01; gpudem"),
-        ("Friction is limited by mu |Fn| also while the normal force is tensile; the dashpot is added after"
-            " the limit.",
+        ("Friction is limited by mu |Fn| in tension too; the dashpot is added after the limit.",
          f"{100 * above[0.3]:.0f} % above mu (1 + e) vn at e = 0.3, {100 * above[0.9]:.1f} % at 0.9",
          _in_flow(results, ("flow_coulomb", OURS)) + " at e = 0.9",
          "limit_force with tangential_damping = false, in both codes"),
-        ("Beside pairs with friction, contacts without it are subject to the tangential dashpot at each"
-            " set-up.",
+        ("Beside pairs with friction, contacts without it have a tangential dashpot at each set-up.",
          f"{100 * share:.0f} % of the normal force at t = 0", "at the start, and at each removal of a gate",
          "gpudem, unless contact.frictionless_dashpot = true; a scene in which no pair has friction"),
         ("Damping uses half-step velocities: first order.",

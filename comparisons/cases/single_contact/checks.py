@@ -105,8 +105,7 @@ def against_ode(
         ),
         kit.observed_order(
             f"{what}: observed order in the time step", error, order, prefix=prefix, against=ODE, reason=why,
-            catches="a law that tends to another limit (order 0), a force that lags by a step (order 1"
-                " instead of 2)",
+            catches="a law that tends to another limit (order 0), a force that lags by a step (order 1)",
         ),
     )  # fmt: skip
 
