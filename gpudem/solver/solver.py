@@ -17,10 +17,10 @@ import numpy as np
 import warp as wp
 
 from gpudem.contact.coefficients import pair_coefficients
-from gpudem.contact.law import Law
 from gpudem.errors import SimulationError
 from gpudem.output.vtu import Frame
 from gpudem.scene import Scene
+from gpudem.scene.laws import LawNames
 from gpudem.scene.walls import Wall
 from gpudem.solver import guards
 from gpudem.solver.device import compile_kernels, find_device
@@ -126,30 +126,30 @@ class Solver:
         laws = laws_struct(self.spec)()
         Pair = type(laws.pair)
 
-        def entries(partners: list[tuple[str, tuple[Law, ...]]]) -> list[Any]:
+        usual, own = self.spec.law_names[0], scene.wall_laws
+
+        def entries(partners: list[tuple[str, LawNames]]) -> list[Any]:
             found = []
-            for partner, laws_of in partners:
+            for partner, names in partners:
                 for name in scene.particle_materials:
                     entry = Pair()
-                    for field, value in pair_coefficients(laws_of, scene.inputs(name, partner)).items():
+                    for field, value in pair_coefficients(names.laws, scene.inputs(name, partner)).items():
                         setattr(entry, field, value)
                     found.append(entry)
             return found
 
-        def table(partners: list[tuple[str, tuple[Law, ...]]]) -> Any:
+        def table(partners: list[tuple[str, LawNames]]) -> Any:
             return wp.array(entries(partners), dtype=laws_struct(self.spec).vars["pair"].type, device=device)
 
-        usual, own = self.spec.laws, scene.wall_laws
-        ours = [(name, usual) for name in scene.particle_materials]
+        ours, walls = [(name, usual) for name in scene.particle_materials], []
+        for wall in scene.wall_elements:
+            names = own.get(wall.name, usual)  # mutate: laws_of_wall_coefficients
+            walls.append((wall.material, names))
         laws.pair = entries(ours[:1])[0]
         if self.spec.multi_material:
             laws.pairs = table(ours)
-        if scene.wall_elements:
-            walls = scene.wall_elements
-            # mutate: laws_of_wall_coefficients
-            laws.wall_pairs = table(
-                [(w.material, own[w.name].laws if w.name in own else usual) for w in walls]
-            )
+        if walls:
+            laws.wall_pairs = table(walls)
         return laws
 
     def _choose_order(self, position: np.ndarray) -> None:

@@ -111,7 +111,7 @@ def _cylinder(wall: Wall) -> tuple[str, str]:
     """LIGGGHTS wants the two coordinates of the axis in cyclic order: y z, z x, x y."""
     axis, point, (radius, *_) = wall.shape()
     k = axis_of(axis)
-    across = [(k + 1) % 3, (k + 2) % 3]
+    across = [(k + 1) % 3, (k + 2) % 3]  # mutate: order_of_cylinder_center
     center = [number(point[j]) for j in across]
     distance = "+".join(f"({'xyz'[j]}-({c}))*({'xyz'[j]}-({c}))" for j, c in zip(across, center, strict=True))
     apart = f"sqrt({distance})-{number(radius)}"
@@ -163,7 +163,7 @@ def _motion(scene: Scene, mesh: Mesh, k: int, variables: list[tuple[str, str]]) 
     if isinstance(motion, Rotate):
         return f"rotate {axis} period {number(motion.period)}"
     if isinstance(motion, Swing):
-        angle = math.degrees(motion.amplitude)
+        angle = math.degrees(motion.amplitude)  # mutate: swing_in_degrees
         return f"riggle {axis} period {number(motion.period)} amplitude {number(angle)}"
     assert isinstance(motion, TurnTable)
     omega = _table(scene, name, motion.time, motion.angular_velocity, variables)

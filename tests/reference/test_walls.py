@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from gpudem.driver import simulate
+from gpudem.scene import Scene
+from reference import liggghts as code
 from reference.liggghts import limits
 from reference.liggghts.deck import render
 from reference.liggghts.errors import LiggghtsCannotState
 from tests.reference.scenes import FLOOR, OWN_LAWS, wall_bounce
+from tests.reference.test_agreement import worst
 from tests.reference.wall_scenes import (
+    CYLINDERS,
     FLAT,
     LINEAR,
     MESHES,
@@ -21,6 +27,28 @@ from tests.reference.wall_scenes import (
     moved,
     rolling,
 )
+
+#: Of the largest value of each column: rounding, which contacts multiply.
+TOLERANCE = 1e-9
+
+
+def assert_agreement(scene: Scene, folder: Path, tolerance: float) -> None:
+    """Both codes step by step: every column of the trace, and the number of contacts."""
+    run, ours = code.run(scene, folder), simulate(scene)
+    assert np.array_equal(run.trace["step"], ours.trace["step"])
+    found = worst(ours.trace, run.trace)
+    assert max(found.values()) < tolerance, found
+    if "contacts" in run.history:
+        assert np.array_equal(run.history["contacts"], ours.history["contacts"])
+        assert run.history["contacts"].mean() > 0.5  # it touched
+
+
+@pytest.mark.liggghts
+@pytest.mark.parametrize("name", CYLINDERS)
+def test_cylinder_agrees_with_binary(name, tmp_path, liggghts):
+    """Detects a transposed axis (trap 26), a wrong side, an effective radius with the cylinder's in it."""
+    assert_agreement(CYLINDERS[name](), tmp_path, TOLERANCE)
+
 
 # -- decks --------------------------------------------------------------------------------------------------
 
@@ -66,6 +94,12 @@ def test_motions_count_from_the_start():
     assert text.index("move_gate_1 all move/mesh mesh mesh_gate linear") < text.index("run  ")
 
 
+def test_words_of_a_cylinder():
+    """Trap 26: the coordinates of the axis in cyclic order."""
+    text = render(CYLINDERS["inside_y"]()).text
+    assert "primitive type 2 ycylinder 0.02 -0.002 0.001\n" in text  # z, x
+
+
 def test_swing_in_degrees():
     """Trap 22."""
     words = re.search(r"riggle .* amplitude (\S+)\n", render(moved("swing", SWING)).text)
@@ -86,6 +120,17 @@ def test_another_rule_is_said():
     assert not any("mesh_contacts" in text for text in limits.warnings(MESHES["flat_mesh"]()))
 
 
+TUBE = {
+    "kind": "cylinder",
+    "name": "tube",
+    "material": "wall",
+    "radius": 0.02,
+    "point": (0, 0, 0),
+    "axis": (0, 0, 1),
+}
+SPIN = {"type": "rotate", "axis": (0, 0, 1), "period": 1.0}
+
+
 @pytest.mark.parametrize(
     ("walls", "message"),
     [
@@ -95,6 +140,11 @@ def test_another_rule_is_said():
         ([{**FLOOR, "motion": [LINEAR]}], r"walls\.floor\.motion: LIGGGHTS moves meshes only"),
         ([{**FLOOR, "surface_velocity": (1, 1, 0)}], r"walls\.floor\.surface_velocity .* along one axis"),
         ([{**FLOOR, "surface_velocity": (1, 0, 1)}], r"walls\.floor\.surface_velocity .* along one axis"),
+        ([{**TUBE, "length": 0.01}], r"tube\.length = 0\.01 m: LIGGGHTS has endless cylinders only"),
+        ([{**TUBE, "axis": (0, 1, 1)}], r"tube\.axis: .* along x, y or z only"),
+        ([{**TUBE, "motion": [SPIN]}], r"tube\.motion: .* omega times the distance"),
+        ([{**TUBE, "surface_velocity": (1, 0, 1)}], r"tube\.surface_velocity .* along its axis only"),
+        ([{**TUBE, "kind": "cone", "end_radius": 0.01, "length": 0.02}], r"tube\.kind = 'cone'"),
     ],
 )  # fmt: skip
 def test_what_a_deck_cannot_hold_is_refused_by_name(walls, message):

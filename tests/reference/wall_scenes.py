@@ -63,7 +63,7 @@ def rolling(name: str, wall: dict | list, steps: int = 6000, **more: Any) -> Sce
     return scene(
         name, steps=steps, every=1, walls=wall if isinstance(wall, list) else [wall],
         gravity=more.pop("gravity", (0.0, 0.0, -300.0)), spin=more.pop("spin", [[20.0, -30.0, 5.0]]),
-        contact={**RULE, **more.pop("contact", {})}, time={"step": DT, "duration": steps * DT},
+        contact=RULE | more.pop("contact", {}), time={"step": DT, "duration": steps * DT},
         output={"trace_every": 10 * DT, "history_every": 10 * DT, **more.pop("output", {})},
         domain={"lo": (-0.05, -0.05, -0.05), "hi": (0.05, 0.05, 0.05)},
         position=more.pop("position"), velocity=more.pop("velocity"), **more,
@@ -285,4 +285,46 @@ MESHES |= {
     "rotate_swing_linear": lambda: moved("rotate_swing_linear", ROTATE, SWING, LINEAR),
     "linear_rotate_swing": lambda: moved("linear_rotate_swing", LINEAR, ROTATE, SWING),
     "rotate_turntable": lambda: moved("rotate_turntable", ROTATE, TURN_TABLE),
+}
+
+
+def tube(name: str, axis: int, position: list[float], velocity: list[float], **more: Any) -> Scene:
+    """A ball pressed by gravity on an endless cylinder of radius 20 mm along an axis, off the origin."""
+    direction, point = [0.0, 0.0, 0.0], [0.001, 0.001, 0.001]
+    direction[axis], point[axis], point[(axis + 1) % 3] = -2.0, 0.5, -0.002
+    gravity = more.pop("gravity")
+    wall = {
+        "kind": "cylinder", "name": "tube", "material": "wall", "radius": 0.02, "point": tuple(point),
+        "axis": tuple(direction), **more,
+    }  # fmt: skip
+    return rolling(
+        name,
+        wall,
+        steps=3000,
+        position=[position],
+        velocity=[velocity],
+        gravity=gravity,
+        contact={"mesh_contacts": "unique"},
+    )
+
+
+#: Inside and outside, along each axis, with a belt; name -> scene maker.
+CYLINDERS = {
+    "inside_z": lambda: tube(
+        "inside_z", 2, [0.018 - PRESSED, 0.001, 0.001], [0.05, 0.3, 0.2], gravity=(300.0, 0, 0)
+    ),
+    "inside_y": lambda: tube(
+        "inside_y", 1, [0.001, 0.001, -0.002 - 0.02 + PRESSED], [0.3, 0.05, 0.0], gravity=(0, 0, -300.0)
+    ),
+    "outside_x": lambda: tube(
+        "outside_x", 0, [0.001, -0.002, 0.001 + 0.02 + PRESSED], [0.2, 0.1, 0.0], gravity=(0, 0, -300.0)
+    ),
+    "belt_y": lambda: tube(
+        "belt_y",
+        1,
+        [0.001, 0.001, -0.002 - 0.02 + PRESSED],
+        [0.3, 0.05, 0.0],
+        gravity=(0, 0, -300.0),
+        surface_velocity=(0, -0.4, 0),
+    ),
 }
