@@ -14,8 +14,8 @@ def friction(rule: str) -> tuple[float, float]:
     scene = rolling(
         "goes",
         [mesh(**FLAT), mesh("far", present=(0.0, GONE), **strips([(0.03, 0.01), (0.03, 0.02)]))],
-        position=[[0.0003, 0.0002, PRESSED]], velocity=[[0, 0, 0]], spin=[[0, 0, 0]], gravity=(20.0, 0.0, -300.0),
-        steps=500, contact={"mesh_contacts": rule}, output={"trace_every": DT},
+        position=[[0.0003, 0.0002, PRESSED]], velocity=[[0, 0, 0]], spin=[[0, 0, 0]],
+        gravity=(20.0, 0.0, -300.0), steps=500, contact={"mesh_contacts": rule}, output={"trace_every": DT},
     )  # fmt: skip
     trace, mass = simulate(scene).trace, scene.masses[0]
     force = trace["force"][:, 0, 0] - mass * 20.0
