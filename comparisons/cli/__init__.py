@@ -268,10 +268,8 @@ def _found(result: Comparison, directory: Path) -> None:
     )
     for line in (*view.missing_codes(result), *result.notices):
         click.echo(line)
-    for line in view.own_codes(result):
-        click.echo(line)
-    for found in [c for c in result.cases if c.headline]:
-        click.echo(f"{found.name}: {found.headline}")
+    for case, sentence in view.headlines(result):
+        click.echo(f"{case}: {sentence}" if case else sentence)
     for line in result.broken():
         click.echo(f"error: {line}", err=True)
     if result.state == "interrupted":

@@ -51,8 +51,8 @@ FILES = (
     "error.txt",
 )
 
-#: Sentences of cases, and checks that do not hold, at the top of the page.
-HEADLINES, FAILURES = 6, 10
+#: Checks that do not hold, at the top of the page.
+FAILURES = 10
 
 #: Decks printed in the page per case; further ones are linked.
 MAX_DECKS = 12
@@ -97,6 +97,19 @@ def own_codes(comparison: Comparison) -> list[str]:
         checks = f"{bad} of its {len(mine)} checks do not hold" if bad else f"all {len(mine)} checks hold"
         made.append(f"{codes.title(code)}: {'; '.join(parts)}; {checks}.")
     return made
+
+
+def headlines(comparison: Comparison) -> list[tuple[str, str]]:
+    """(case, what was found in it) for page and terminal; first, without a case, what was found of a user's
+    codes over all cases, which then stands in place of the sentences of cases that speak of them only.
+    """
+    own = own_codes(comparison)
+    found = [("", sentence) for sentence in own]
+    for case in comparison.cases:
+        summed_up = bool(own) and any(case.headline.startswith(f"{codes.title(c)}: ") for c in case.differs)
+        if case.headline and not summed_up:
+            found.append((case.name, case.headline))
+    return found
 
 
 def _follows_last(item: tuple[str, list[str]]) -> tuple[bool, int]:
@@ -148,20 +161,23 @@ class View:
         return missing_codes(self.comparison)
 
     @functools.cached_property
-    def own_codes(self) -> list[str]:
-        """A sentence for each code that a user brought, over several cases."""
-        return own_codes(self.comparison)
-
-    @functools.cached_property
-    def headlines(self) -> list[CaseResult]:
-        """Cases whose sentence stands at the top: all, or those that no other sentence sums up."""
-        found = [case for case in self.comparison.cases if case.headline]
-        return found if len(found) <= HEADLINES else [case for case in found if not case.differs]
+    def headlines(self) -> list[tuple[str, str]]:
+        """(case or nothing, what was found)."""
+        return headlines(self.comparison)
 
     @functools.cached_property
     def failures(self) -> list[CheckResult]:
         """The first checks that fail or could not be evaluated."""
-        return [c for c in self.checks if c.status in ("fail", "error")][:FAILURES]
+        return self._bad[:FAILURES]
+
+    @functools.cached_property
+    def more_failures(self) -> int:
+        """How many more there are."""
+        return len(self._bad) - len(self.failures)
+
+    @functools.cached_property
+    def _bad(self) -> list[CheckResult]:
+        return [c for c in self.checks if c.status in ("fail", "error")]
 
     @functools.cached_property
     def versions(self) -> list[str]:

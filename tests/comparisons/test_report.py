@@ -80,7 +80,7 @@ def test_what_was_found_of_a_users_code_stands_at_the_top(finished):
     found = [follows] * 5 + ["the contact law differs (normal force)"] * 2
     found += ["what differs is not known: no contact", "what differs is not known: few digits"]
     cases = [
-        dataclasses.replace(case, name=f"case_{k}", headline="one of many", differs={"gpudem": what})
+        dataclasses.replace(case, name=f"case_{k}", headline="gpudem: one", differs={"gpudem": what})
         for k, what in enumerate(found)
     ]
     comparison = dataclasses.replace(finished[1], cases=cases, checks=finished[1].checks[:4])
@@ -91,10 +91,14 @@ def test_what_was_found_of_a_users_code_stands_at_the_top(finished):
     comparison = dataclasses.replace(comparison, checks=[])
     head = report.html(comparison, finished[0]).partition("</header>")[0]
     assert "differs (normal force) in case_5 and case_6" in head
-    assert "one of many" not in head
+    assert "gpudem: one" not in head
+    scene = dataclasses.replace(cases[0], name="scene", headline="codes agree; gpudem: one")
+    both = dataclasses.replace(comparison, cases=[*cases, scene])
+    assert "codes agree; gpudem: one" in report.html(both, finished[0]).partition("</header>")[0]
+    assert report_view.headlines(both)[1:] == [("scene", "codes agree; gpudem: one")]
     few = dataclasses.replace(comparison, cases=cases[:1])
     assert report_view.own_codes(few) == []
-    assert "one of many" in report.html(few, finished[0]).partition("</header>")[0]
+    assert "gpudem: one" in report.html(few, finished[0]).partition("</header>")[0]
 
 
 def test_checks_that_do_not_hold_are_at_the_top_with_their_links(page):

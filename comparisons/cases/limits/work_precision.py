@@ -276,8 +276,10 @@ CASE = kit.Case(
     figures=(
         kit.Figure(
             "Error against run time, e = 0.5",
-            "One core each, the fastest repeat. Dotted: 1 % and 0.1 %. float32 stops where the rounding of"
-            " its positions begins; mixed, with positions and velocities in float64, continues.",
+            "One core each, the fastest repeat; thin gray lines: 1 % and 0.1 %. oblique: Coulomb's limit is"
+            " kept (limit_force on, tangential_damping off); oblique default: LIGGGHTS' default law. Errors"
+            " of float32 do not fall below the rounding of its positions; those of mixed, with positions and"
+            " velocities in float64, do.",
             draw_time, section="lead",
         ),
         kit.Figure(
