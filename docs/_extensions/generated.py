@@ -13,7 +13,6 @@ import typing
 from pathlib import Path
 from typing import Any
 
-from motion_pictures import draw_motions
 from sphinx.application import Sphinx
 
 
@@ -25,7 +24,8 @@ def setup(app: Sphinx) -> dict[str, Any]:
 
 def write(folder: Path) -> None:
     """All generated pages; a page whose text has not changed is left alone."""
-    import wall_pictures  # beside this file
+    import motion_pictures  # beside this file
+    import wall_pictures
 
     pages = {"scene": scene_page(), "laws": laws_page(), "observables": observables_page()}
     pages |= {f"verification/{name}": text for name, text in verification_pages().items()}
@@ -37,7 +37,7 @@ def write(folder: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.is_file() or path.read_text() != text:
             path.write_text(text)
-    draw_motions(folder / "motions.svg")
+    motion_pictures.draw_motions(folder / "motions.svg")
 
 
 def table(header: list[str], rows: list[list[str]]) -> str:
