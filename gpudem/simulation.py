@@ -169,11 +169,10 @@ class Simulation:
     def view(self, step: int) -> View:
         """The state at the written full step, as observables see it; on a CUDA device it is reduced there."""
         solver = self._solver
+        facts = (solver.contact_count, solver.wall_work, solver.wall_loads)
         if solver.device.is_cuda:
-            return DeviceView(
-                self.scene, step, self._column, self._scalars, solver.contact_count, solver.wall_work
-            )
-        return View(self.scene, step, solver.column, solver.contact_count, solver.wall_work)
+            return DeviceView(self.scene, step, self._column, self._scalars, *facts)
+        return View(self.scene, step, solver.column, *facts)
 
     def _column(self, name: str) -> wp.array:
         if name == "unwrapped_position":  # asked for only where sides are periodic

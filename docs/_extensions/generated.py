@@ -80,6 +80,7 @@ def scene_page() -> str:
         '[[walls.motion]] with type = "oscillate"': motion.Oscillate,
         '[[walls.motion]] with type = "rotate"': motion.Rotate,
         '[[walls.motion]] with type = "swing"': motion.Swing,
+        '[[walls.motion]] with type = "servo"': motion.Servo,
         '[[walls.motion]] with type = "table", of velocities': motion.TranslationTable,
         '[[walls.motion]] with type = "table", of angular velocities': motion.TurnTable,
         "[domain]": sections.Domain,

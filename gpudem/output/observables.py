@@ -132,6 +132,26 @@ def select(history: pandas.DataFrame, names: Sequence[str] | None, code: str) ->
     return history[[*ALWAYS, *(name for name in names if name in history)]], warnings
 
 
+#: Quantities of three components that `of_wall` gives, with their unit.
+VECTORS_OF_WALL = (("force", "N"), ("torque", "N m"), ("position", "m"))
+
+
+def of_wall(name: str) -> list[Observable]:
+    """Columns of one wall: force_NAME_x [N], ..., torque_NAME_z [N m], position_NAME_z [m], work_NAME [J].
+
+    The torque is about the wall's torque point, and the position is that of this point.
+    """
+
+    def component(quantity: str, unit: str, k: int) -> Observable:
+        def evaluate(view: View) -> float:
+            return float(getattr(view.wall_loads[name], quantity)[k])
+
+        return Observable(f"{quantity}_{name}_{'xyz'[k]}", unit, evaluate)
+
+    vectors = [component(q, unit, k) for q, unit in VECTORS_OF_WALL for k in range(3)]
+    return [*vectors, Observable(f"work_{name}", "J", lambda view: view.wall_loads[name].work)]
+
+
 # -- those of gpudem -----------------------------------------------------------------------------------------
 
 

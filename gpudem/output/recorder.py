@@ -98,7 +98,8 @@ class Recorder:
         names = self.scene.output.history
         if names is None:
             names = observables.DEFAULT if view.wall_work is None else (*observables.DEFAULT, "work")
-        return [observables.get(name) for name in names]
+        loads = [o for wall in self.scene.output.wall_forces for o in observables.of_wall(wall)]
+        return [*(observables.get(name) for name in names), *loads]
 
     def flush(self) -> None:
         """Wait until the last frame is on disk. Raises the error of its writing."""
@@ -130,7 +131,9 @@ class Recorder:
 
     def _take(self, saved: dict[str, np.ndarray]) -> None:
         if "history" in saved:
-            self._columns = [observables.get(str(name)) for name in saved["history.columns"]]
+            loads = {o.name: o for wall in self.scene.output.wall_forces for o in observables.of_wall(wall)}
+            names = map(str, saved["history.columns"])
+            self._columns = [loads.get(name) or observables.get(name) for name in names]
             self._history = [tuple(row) for row in saved["history"].tolist()]
         for k, step in enumerate(saved.get("trace.step", np.empty(0, int)).tolist()):
             self._trace.append((step, {name: saved[f"trace.{name}"][k] for name in TRACE_COLUMNS}))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -15,6 +16,20 @@ from gpudem.scene import Scene
 VECTORS = ("position", "unwrapped_position", "velocity", "angular_velocity", "force", "torque")
 #: Columns of one number, which do not change in a run.
 SCALARS = ("mass", "radius", "inertia")
+
+
+@dataclasses.dataclass(frozen=True)
+class WallLoad:
+    """What the particles do to a wall in one step."""
+
+    force: np.ndarray
+    """On the wall [N], shape (3,)."""
+    torque: np.ndarray
+    """About the wall's torque point [N m], shape (3,)."""
+    position: np.ndarray
+    """Of the torque point [m], shape (3,)."""
+    work: float
+    """Of the wall on the particles since the start [J]."""
 
 
 class View:
@@ -35,10 +50,12 @@ class View:
         column: Callable[[str], np.ndarray],
         contacts: Callable[[], int] = lambda: 0,
         wall_work: Callable[[], float | None] = lambda: None,
+        wall_loads: Callable[[], dict[str, WallLoad]] = dict,
     ):
-        """`column(name)` gives one of VECTORS; `contacts()` and `wall_work()` the properties so named."""
+        """`column(name)` gives one of VECTORS; the other functions the properties of their names."""
         self.scene, self.step = scene, step
         self._column, self._contacts, self._wall_work = column, contacts, wall_work
+        self._wall_loads = wall_loads
         self._known: dict[Any, Any] = {}
 
     @classmethod
@@ -96,6 +113,11 @@ class View:
     def wall_work(self) -> float | None:
         """Work of moving walls since the start [J]; None where none moves."""
         return self._once("wall_work", self._wall_work)
+
+    @property
+    def wall_loads(self) -> dict[str, WallLoad]:
+        """Force, torque and work of the walls that `output.wall_forces` names, by name of the wall."""
+        return self._once("wall_loads", self._wall_loads)
 
     def frame(self) -> Frame:
         """All columns of a frame, as NumPy arrays."""
@@ -171,10 +193,11 @@ class DeviceView(View):
         scalars: dict[str, Any],
         contacts: Callable[[], int] = lambda: 0,
         wall_work: Callable[[], float | None] = lambda: None,
+        wall_loads: Callable[[], dict[str, WallLoad]] = dict,
     ):
         """`read(name)` gives a Warp array of three-component vectors; `scalars` lasts from view to view."""
         super().__init__(scene, step, lambda name: self.column(name).numpy().astype(np.float64, copy=False),
-                         contacts, wall_work)  # fmt: skip
+                         contacts, wall_work, wall_loads)  # fmt: skip
         self._read, self._scalars = read, scalars
 
     def column(self, name: str) -> Any:

@@ -84,6 +84,7 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
             run_check(_vibration, "time", "solver", "allow")
             run_check(wall_checks.motions, "time", "allow")
         run_check(_trace, "time", "output", "allow")
+        run_check(wall_checks.forces, "walls", "output", "domain")
         run_check(_position_spacing, "solver", "allow")
     return found
 

@@ -25,6 +25,7 @@ from gpudem.errors import SceneError
 from gpudem.scene import checks, files, laws, overlaps, time_step
 from gpudem.scene.laws import LawNames
 from gpudem.scene.mesh import Mesh
+from gpudem.scene.motion import Servo
 from gpudem.scene.packing import InitialState, lattice
 from gpudem.scene.particle_files import ParticleFile, read_particles
 from gpudem.scene.sections import (
@@ -48,7 +49,7 @@ from gpudem.scene.walls import Box, Plane, Wall
 from gpudem.walls.motion import WallPath
 
 #: Keys of a wall that a hash leaves out where they have no value: older scenes keep their hash.
-LATER_KEYS = ("present", "contact", "surface_velocity", "motion")
+LATER_KEYS = ("present", "contact", "surface_velocity", "motion", "reference")
 
 
 def _stated(wall: Wall, digest: Any) -> dict[str, Any]:
@@ -186,6 +187,8 @@ class Scene(Model):
         """SHA-256 of the physics: all but name and title; of files the content, not the path."""
         data, digest = self.model_dump(exclude={"name", "title", "walls"}), hashlib.sha256()
         data["walls"] = [_stated(wall, digest) for wall in self.walls]
+        if not self.output.wall_forces:
+            del data["output"]["wall_forces"]
         if not self.meshes:
             data["contact"] = {k: v for k, v in data["contact"].items() if k not in OF_MESHES}
         arrays = {k: v for k, v in data["particles"].items() if isinstance(v, np.ndarray)}
@@ -278,6 +281,14 @@ class Scene(Model):
     def meshes(self) -> list[Mesh]:
         """The walls of triangles."""
         return [wall for wall in self.walls if isinstance(wall, Mesh)]
+
+    @functools.cached_property
+    def servos(self) -> dict[int, Servo]:
+        """The servo of each wall that has one, by its place in `wall_elements`."""
+        found = {
+            w: m for w, wall in enumerate(self.wall_elements) for m in wall.motion if isinstance(m, Servo)
+        }
+        return found
 
     def inputs(self, a: str, b: str) -> PairInputs:
         """Primary inputs of two materials. Raises KeyError where the scene states no such pair."""

@@ -243,10 +243,56 @@ class TurnTable(_Table, Turn):
         return float(np.abs(self.angular_velocity).max())
 
 
+class Servo(Translation):
+    """Moves along an axis so that the particles press on the wall with a given force.
+
+        e = 1 - F/target,   v = velocity_limit clip(kp e + ki integral e dt + kd de/dt, -1, 1)
+
+    F is the force on the wall at the end of the last step, positive against the axis. The wall rests in the
+    first step. Source: LIGGGHTS manual, fix mesh/surface/stress/servo; black-box runs of 3.8.0.
+    """
+
+    type: Literal["servo"]
+    """Type of motion."""
+    axis: Annotated[Vector, vector("1", nonzero=True)]
+    """Direction in which it moves to press harder, of any length."""
+    target: Annotated[float, positive("N")]
+    """The force [N]."""
+    velocity_limit: Annotated[float, positive("m/s")]
+    """Largest speed [m/s]."""
+    kp: Annotated[float, number("1", 0)] = 0.5
+    """Proportional gain [1]: 0.5 approaches at half the largest speed."""
+    ki: Annotated[float, number("1/s", 0)] = 0.0
+    """Integral gain [1/s]."""
+    kd: Annotated[float, number("s", 0)] = 0.0
+    """Derivative gain [s]."""
+
+    @property
+    def unit_axis(self) -> np.ndarray:
+        """The axis with length one."""
+        axis = np.array(self.axis)
+        return axis / math.sqrt(math.fsum(axis * axis))
+
+    def way(self, time: np.ndarray) -> np.ndarray:
+        """None, for where it goes only the run can tell; it starts at rest."""
+        return np.zeros((len(time), 3))
+
+    rate = way
+
+    @property
+    def largest_rate(self) -> float:
+        """Its limit [m/s]."""
+        return self.velocity_limit
+
+    def farthest(self, duration: float) -> float:
+        """At its limit all the time [m]."""
+        return self.velocity_limit * duration
+
+
 #: Types of motion by name, in the order in which they are listed; a table is of velocity or angular velocity.
 TYPES: dict[str, type[_Motion]] = {
     "linear": Linear, "oscillate": Oscillate, "rotate": Rotate, "swing": Swing, "table": TranslationTable,
-    TurnTable.tag: TurnTable,
+    "servo": Servo, TurnTable.tag: TurnTable,
 }  # fmt: skip
 
 
@@ -278,6 +324,7 @@ Motion = Annotated[
     | Annotated[Rotate, Tag("rotate")]
     | Annotated[Swing, Tag("swing")]
     | Annotated[TranslationTable, Tag("table")]
+    | Annotated[Servo, Tag("servo")]
     | Annotated[TurnTable, Tag(TurnTable.tag)],
     Discriminator(_tag_of),
     BeforeValidator(_typed),

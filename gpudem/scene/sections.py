@@ -254,6 +254,9 @@ class Output(Model):
     history: Annotated[tuple[ObservableName, ...], Field(min_length=1)] | None = None
     """Names of the observables (`gpudem.output.observables`); default: kinetic, rotational and potential
     energy, contacts, front_x, centre of mass, and the work of moving walls where there are any."""
+    wall_forces: tuple[Name, ...] = ()
+    """Names of walls (of a box: of its planes) whose force, torque and work the history has:
+    `force_NAME_x` [N], `torque_NAME_x` [N m], ..., `work_NAME` [J]; of meshes, frames have the stress."""
     restart_every: Annotated[float, positive("s")] | None = None
     """The exact state, from which `gpudem resume` continues; each file replaces the last. gpudem only."""
 

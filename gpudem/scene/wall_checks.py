@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gpudem.scene.files import nearest
 from gpudem.scene.mesh_repair import MAX_TRIANGLES
 from gpudem.scene.motion import Translation, Turn
 from gpudem.scene.round_walls import Cylinder, Round
@@ -56,6 +57,16 @@ def statements(scene: Scene) -> list[str]:
         if plane.vibration is not None and (plane.motion or plane.surface_velocity):
             key = "motion" if plane.motion else "surface_velocity"
             found.append(f"walls: {plane.name}.vibration: beside {key}; state one of the two")
+    return found
+
+
+def forces(scene: Scene) -> list[str]:
+    """Forces asked for of walls that are not there, or without a history."""
+    known, wanted = [wall.name for wall in scene.wall_elements], scene.output.wall_forces
+    unknown = [name for name in wanted if name not in known]
+    found = [f"output.wall_forces: {name!r} is no wall{nearest(name, known)}" for name in unknown]
+    if wanted and scene.output.history_every is None:
+        found.append("output.wall_forces: has no effect without output.history_every [s]")
     return found
 
 

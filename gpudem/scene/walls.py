@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
-from gpudem.scene.motion import Motion, largest_speed
+from gpudem.scene.motion import Motion, Turn, largest_speed
 from gpudem.scene.types import Model, Name, Vector, law_name, number, positive, span, vector
 
 Side = Literal["xlo", "xhi", "ylo", "yhi", "zlo", "zhi"]
@@ -81,6 +81,17 @@ class Wall(Model):
         if value is not None and info.data.get("removed_at") is not None:
             raise ValueError("removed_at is its end already; state one of the two")
         return value
+
+    reference: Annotated[Vector, vector("m")] | None = None
+    """Point about which its torque is stated [m]; it moves with the wall. Default: the point of its first
+    turn, else the origin."""
+
+    @property
+    def torque_point(self) -> Vector:
+        """Point of the torque at the start [m]."""
+        if self.reference is not None:
+            return self.reference
+        return next((m.point for m in self.motion if isinstance(m, Turn)), (0.0, 0.0, 0.0))
 
     @property
     def begin(self) -> float:

@@ -116,6 +116,8 @@ class NeighborList:
             self._scratch_arrays = {
                 "mesh_near": wp.int32, "mesh_leader": wp.int32, "mesh_gap": t.wide, "mesh_normal": t.wide3,
             }  # fmt: skip
+        if spec.wall_forces:
+            self._scratch_arrays |= {"wall_force": t.vec3, "wall_couple": t.vec3, "wall_point": t.wide3}
         self.spring = self.rolling_torque = self.rise = None
         self._permuted_arrays = ["id", *(["image"] * any(spec.periodic)), *(["radius"] * spec.polydisperse)]
         self._permuted_arrays += ["mass"] * spec.per_particle_mass + ["material"] * spec.multi_material

@@ -18,6 +18,7 @@ import warp as wp
 
 from gpudem.contact.coefficients import pair_coefficients
 from gpudem.errors import SimulationError
+from gpudem.output.view import WallLoad
 from gpudem.output.vtu import Frame
 from gpudem.scene import Scene
 from gpudem.scene.laws import LawNames
@@ -30,11 +31,13 @@ from gpudem.solver.spec import Spec
 from gpudem.solver.state import State
 from gpudem.solver.step_kernel import SETUP, WRITE, laws_struct, step_kernel
 from gpudem.solver.thread_pool import CpuThreadPool, require_serial_launches
+from gpudem.solver.wall_forces import WallForces
 from gpudem.solver.wall_motion import WallMotion
 from gpudem.solver.walls import wall_table
 
 #: Arrays of the list that a step writes before it reads them.
 MESH_SCRATCH = ("mesh_near", "mesh_leader", "mesh_gap", "mesh_normal")
+LIST_SCRATCH = (*MESH_SCRATCH, "wall_force", "wall_couple", "wall_point")
 #: Steps launched as one CUDA graph between two checks by the host.
 CUDA_CHUNK = 32
 
@@ -67,7 +70,7 @@ class Solver:
         if not specialize:
             self.spec = self.spec.generic
         self.graphs = self.device.is_cuda
-        self.chunk = chunk or (CUDA_CHUNK if self.device.is_cuda else 1)
+        self.chunk = 1 if scene.servos else chunk or (CUDA_CHUNK if self.device.is_cuda else 1)
         self.rebuild_in_graph = rebuild_in_graph
         if rebuild_in_graph is None:
             self.rebuild_in_graph = self.device.is_cuda and wp.is_conditional_graph_supported()
@@ -91,6 +94,7 @@ class Solver:
         self._motion = WallMotion(scene, self.chunk, bool(self.rebuild_in_graph))
         self._meshes = MeshTables(scene, self.state)
         self._rebuilds_seen = 0
+        self._wall_forces = WallForces(self.state) if self.spec.wall_forces else None
         self.walls: Any = None
         self._walls_at = 0
         self._meshes_present: list[str] = []
@@ -213,6 +217,7 @@ class Solver:
             done = self._launch_chunk(self._within_reach(min(steps, self.chunk)))
             self.step_count += done
             steps -= done
+            self._follow_forces()
             if self._rebuild_suspended:
                 self._rebuild()
 
@@ -225,6 +230,7 @@ class Solver:
         self._launch(WRITE)
         self._needs_rebuild = bool(self._read_rebuild_flags()[1])
         self.step_count += 1
+        self._follow_forces()
         self._at_written_step = last
         if not last:
             self.state.swap()
@@ -385,6 +391,8 @@ class Solver:
             stored[name] = (array[:total] if name in self.neighbors.entry_arrays else array).copy()
         done = [self.step_count, self.neighbors.rebuilds, self._needs_rebuild]
         order = [self.params.block, *self.params.axes]
+        if self._motion.servos:
+            stored["servo"] = np.array([path.state for path in self._motion.servos.values()])
         stored["counts"] = np.array([*done, self.spec.half_list, *order], np.int64)
         if self._motion:
             stored["list_step"] = np.array(self._motion.list_step, np.int64)
@@ -396,7 +404,8 @@ class Solver:
         Raises SimulationError for a state of another scene, precision or kind of device.
         """
         state, counts = self.state, [int(v) for v in saved["counts"]]
-        names = {"now", "counts", *self._stored_arrays(), *(["list_step"] if self._motion else [])}
+        extra = ["list_step"] * bool(self._motion) + ["servo"] * bool(self._motion.servos)
+        names = {"now", "counts", *self._stored_arrays(), *extra}
         same = names == set(saved) and state.now.numpy().dtype == saved["now"].dtype
         if not same or counts[3] != self.spec.half_list:
             raise SimulationError("the saved state is of another scene, precision or kind of device")
@@ -410,6 +419,8 @@ class Solver:
                 array = array[: len(saved[name])]
             if array.size:
                 array.assign(saved[name])
+        for path, row in zip(self._motion.servos.values(), saved.get("servo", ()), strict=True):
+            path.state[:] = row  # mutate: restart_servo
         self._set_walls(walls)
         # mutate: restart_counts
         self.step_count, self.neighbors.rebuilds, self._needs_rebuild = counts[0], counts[1], bool(counts[2])
@@ -423,7 +434,7 @@ class Solver:
         Not those that are zero between steps or follow from the number of the step.
         """
         # mutate: restart_arrays
-        leave = ("rebuild_pending", "rebuild_requested", "partial_force", "partial_torque", *MESH_SCRATCH)
+        leave = ("rebuild_pending", "rebuild_requested", "partial_force", "partial_torque", *LIST_SCRATCH)
         names = [name for name in self.state.types.Particles.vars if name not in leave]
         return [name for name in names if getattr(self.state.particles, name) is not None]
 
@@ -484,6 +495,38 @@ class Solver:
         Force on each particle times the way of the plane in the step, added up on the device.
         """
         return float(self.state.particles.wall_work.numpy().sum()) if self.spec.moving_walls else None
+
+    def wall_loads(self) -> dict[str, WallLoad]:
+        """What the particles do to each wall that `output.wall_forces` names, in the written step.
+
+        About its torque point, where that is now.
+        """
+        elements, wanted = self.scene.wall_elements, self.scene.output.wall_forces
+        if not wanted:
+            return {}
+        points = self._motion.carried(np.array([wall.torque_point for wall in elements]), self.step_count)
+        force, torque = self._wall_forces.sums(self.params, self.walls, points)
+        work = self._work_of_walls()
+        return {
+            wall.name: WallLoad(force[w], torque[w], points[w], work[w])
+            for w, wall in enumerate(elements) if wall.name in wanted
+        }  # fmt: skip
+
+    def _follow_forces(self) -> None:
+        """Walls with a servo: their velocity in the next step, from the forces in the last one."""
+        if self._motion.servos:
+            points = np.zeros((self.state.walls, 3))
+            force, _torque = self._wall_forces.sums(self.params, self.walls, points)
+            for w, path in self._motion.servos.items():
+                path.advance(self.step_count, force[w])
+
+    def _work_of_walls(self) -> np.ndarray:
+        """Work on the particles since the start [J], of each wall."""
+        moving = [w for w, wall in enumerate(self.scene.wall_elements) if wall.moves]
+        found = np.zeros(len(self.scene.wall_elements))
+        if moving:
+            found[moving] = self.state.particles.wall_work.numpy().reshape(len(moving), -1).sum(axis=1)
+        return found
 
     def memory_bytes(self) -> dict[str, int]:
         """Bytes of every device array, by name."""

@@ -36,6 +36,10 @@ class Spec:
     """The rule of mesh contacts, "unique" or "liggghts"; "" without meshes."""
     moving_walls: bool = False
     fast_floors: bool = False
+    wall_forces: bool = False
+    """Forces on walls are output."""
+    servo: bool = False
+    """A wall follows the force on it: forces on walls are needed in every step."""
     turning_walls: bool = False
     """A wall has motions: it may turn, and its velocity is not the same everywhere and at every step."""
     long_range: bool = False
@@ -65,6 +69,8 @@ class Spec:
             meshes=scene.contact.mesh_contacts if scene.meshes else "",
             moving_walls=needs.vibration,
             fast_floors=any(wall.fast_floor for wall in scene.wall_elements),
+            wall_forces=bool(scene.output.wall_forces) or bool(scene.servos),
+            servo=bool(scene.servos),
             turning_walls=any(w.motion or w.surface_velocity for w in scene.wall_elements),
             long_range=scene.contact_range > 0,
             periodic=scene.domain.periodic,

@@ -89,9 +89,12 @@ def _particles_struct(real: Any, vec3: Any, wide: Any, wide3: Any) -> Any:
         mesh_leader: wp.array[wp.int32]  # entry whose contact a triangle is part of; < 0: none, (capacity,)
         mesh_gap: wp.array[wide]  # from the nearest point of a triangle within reach [m], (capacity,)
         mesh_normal: wp.array[wide3]  # from there to the particle, (capacity,)
+        wall_force: wp.array[vec3]  # of a wall on the particle in the written step [N], (capacity,)
+        wall_couple: wp.array[vec3]  # rolling torque on the particle, likewise [N m], (capacity,)
+        wall_point: wp.array[wide3]  # where the force acts, likewise [m], (capacity,)
         partial_force: wp.array[vec3]  # from particles before it in its block [N], (n,); half list only
         partial_torque: wp.array[vec3]  # [N m], (n,), likewise
-        wall_work: wp.array[wp.float64]  # done by moving walls on the particles at this place [J], (n,)
+        wall_work: wp.array[wp.float64]  # by moving wall s on the particles at place i [J], at s n + i
         rebuild_pending: wp.array[wp.int32]  # k + 1: launch k or one before needs a rebuild, (chunk + 1,)
         rebuild_requested: wp.array[wp.int32]  # k + 1: launch k itself does, (chunk + 1,)
 
@@ -109,6 +112,7 @@ def _walls_struct(wide: Any, wide3: Any) -> Any:
         size: wp.array[wide3]  # [m], (m,)
         displacement: wp.array[wide3]  # in launch l, at l m + w [m], (chunk m,)
         velocity: wp.array[wide3]  # [m/s], (m,); of walls with motions in launch l at l m + w, (chunk m,)
+        work_row: wp.array[wp.int32]  # its number among the walls that move, (m,)
         stroke: wp.array[wide]  # the farthest that a saw-tooth's displacement may reach [m], (m,)
         fast: wp.array[wp.int32]  # 1: a fast floor, (m,)
         rotation: wp.array[wp.types.matrix((3, 3), wide)]  # in launch l, at l m + w, (chunk m,)
@@ -183,7 +187,7 @@ class State:
         p.wall_start = zeros(n, wp.int32, spec.has_walls)
         p.partial_force = zeros(n, t.vec3, spec.half_list)
         p.partial_torque = zeros(n, t.vec3, spec.half_list and spec.rotation)
-        p.wall_work = zeros(n, wp.float64, spec.moving_walls)
+        p.wall_work = zeros(n * sum(w.moves for w in scene.wall_elements), wp.float64, spec.moving_walls)
         p.rebuild_pending = zeros(chunk + 1, wp.int32)
         p.rebuild_requested = zeros(chunk + 1, wp.int32)
         return p

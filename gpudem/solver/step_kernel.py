@@ -199,6 +199,43 @@ def partial_sums(spec: Spec) -> SimpleNamespace:
 
 
 @functools.cache
+def wall_action(spec: Spec) -> SimpleNamespace:
+    """Functions for what a wall does to a particle: its force for the output, its work.
+
+    note(particles, mode, k, force, couple, point): for entry k in a step whose forces on walls are wanted.
+    act(params, walls, particles, launch, mode, k, wall, i, force, couple, point, velocity): the same, and
+    the work force . velocity dt of the wall's point, and couple . spin dt; none at set-up.
+    """
+    t = structs(spec.precision)
+    Params, Particles, Walls, vec3, wide3 = t.Params, t.Particles, t.Walls, t.vec3, t.wide3
+    to_wide, power_of_wall = conversions(spec.precision).to_wide, wall_frame(spec).power
+
+    @wp.func
+    def note(particles: Particles, mode: wp.int32, k: wp.int32, force: vec3, couple: vec3, point: wide3):
+        if wp.static(spec.wall_forces):
+            if wp.static(spec.servo) or mode & WRITE != 0:
+                particles.wall_force[k] = force  # mutate: force_on_wall
+                particles.wall_point[k] = point
+                particles.wall_couple[k] = couple
+
+    @wp.func
+    def act(
+        params: Params, walls: Walls, particles: Particles, launch: wp.int32, mode: wp.int32, k: wp.int32,
+        wall: wp.int32, i: wp.int32, force: vec3, couple: vec3, point: wide3, velocity: wide3,
+    ):  # fmt: skip
+        note(particles, mode, k, force, couple, point)
+        if wp.static(spec.moving_walls):
+            if mode & SETUP:
+                return
+            here = launch * params.walls + wall
+            power = power_of_wall(walls, here, to_wide(force), velocity, to_wide(-couple))
+            at = walls.work_row[wall] * params.n + i  # mutate: row_of_work
+            particles.wall_work[at] += wp.float64(power * params.dt_wide)  # mutate: work_of_floor
+
+    return SimpleNamespace(note=note, act=act)
+
+
+@functools.cache
 def step_end(spec: Spec) -> Any:
     """A function: second half kick to the full step (not at set-up), first half kick and drift of the next.
 
@@ -280,15 +317,16 @@ def step_kernel(spec: Spec) -> Any:
         contact_procedure(spec),
         conversions(spec.precision),
     )
-    to_real, to_wide = convert.to_real, convert.to_wide
+    to_real = convert.to_real
     sphere_contact, wall_contact = geometry.sphere_contact, geometry.wall_contact
     resolve, damping_apart, at_wall = procedure.resolve, procedure.damping_apart, wall_procedure(spec)
     resolve_at_wall, damping_at_wall = at_wall.resolve, at_wall.damping_apart
     nearest = nearest_image(spec.periodic, spec.precision)
-    velocity_of_wall, power_of_wall = wall_frame(spec).velocity, wall_frame(spec).power
+    velocity_of_wall = wall_frame(spec).velocity
     decide_on_triangles, makes_no_contact = mesh_contacts(spec), triangle_apart(spec)
     contact_of = wall_entry(spec) if spec.has_walls else None
     fast_gap = fast_floor_gap(spec.precision)
+    note, act = wall_action(spec).note, wall_action(spec).act
 
     @wp.kernel(module="unique", enable_backward=False)
     def step(
@@ -373,6 +411,7 @@ def step_kernel(spec: Spec) -> Any:
             for k in range(first_wall, last):
                 entry = get_int(particles.neighbor, k)
                 other = partner(entry)
+                note(particles, mode, k, vec3(), vec3(), x)
                 if makes_no_contact(params, particles, k, other):
                     part(particles, k, entry, other)  # mutate: part_from_triangle
                     continue
@@ -389,6 +428,7 @@ def step_kernel(spec: Spec) -> Any:
                             c = wall_contact(gap, normal, radius, mass, w)
                             f = damping_at_wall(c, v - v_wall, v_next - v_wall, wall_pair, dt, walls, wall)
                             force += f  # mutate: wall_edge_force
+                            act(params, walls, particles, launch, mode, k, wall, i, f, vec3(), point, v_wall)
                     continue
                 c = wall_contact(gap, normal, radius, mass, w)
                 # mutate: wall_forces
@@ -399,12 +439,8 @@ def step_kernel(spec: Spec) -> Any:
                 )  # fmt: skip
                 force += f  # mutate: sum_over_walls
                 torque -= c.lever * n_cross_ft + rolling  # mutate: wall_torque
-                # mutate: wall_contact_count
-                contacts += 2  # a contact with a particle is counted from both sides
-                if wp.static(spec.moving_walls):
-                    if not (mode & SETUP):
-                        power = power_of_wall(walls, at, to_wide(f), v_wall, to_wide(rolling))
-                        particles.wall_work[i] += wp.float64(power * params.dt_wide)  # mutate: work_of_floor
+                contacts += 2  # those of particles count at both  # mutate: wall_contact_count
+                act(params, walls, particles, launch, mode, k, wall, i, f, -rolling, point, v_wall)
                 store(particles, k, entry, other, spring, rolling, mode)
 
         if wp.static(spec.gravity):

@@ -8,7 +8,7 @@ import numpy as np
 
 from gpudem.scene import Scene
 from gpudem.scene.walls import Wall
-from gpudem.walls.motion import BLOCK
+from gpudem.walls.motion import BLOCK, ServoPath, WallPath
 
 #: Tables of a struct `Walls` with a row for each wall in each launch.
 TABLES = ("rotation", "displacement", "velocity", "spin", "center")
@@ -31,9 +31,12 @@ class WallMotion:
 
     def __init__(self, scene: Scene, chunk: int, lists_in_chunk: bool = False):
         self.scene, self.chunk, self.lists_in_chunk = scene, chunk, lists_in_chunk
-        self.paths = {
-            w: scene.wall_paths[wall.name] for w, wall in enumerate(scene.wall_elements) if wall.motion
-        }
+        self.servos = {w: ServoPath(servo, scene.time.step) for w, servo in scene.servos.items()}
+        """Of these walls only the next step's place is known."""
+        self.paths: dict[int, WallPath | ServoPath] = {
+            w: self.servos.get(w) or scene.wall_paths[wall.name]
+            for w, wall in enumerate(scene.wall_elements) if wall.motion
+        }  # fmt: skip
         self.list_step: int | None = None
         """The step for whose places the list was made."""
         self._present = set(self.paths)
@@ -45,7 +48,7 @@ class WallMotion:
         self._chunk_way = (
             max((scene.wall_speeds[w] for w in self.paths), default=0.0) * scene.time.step * chunk
         )
-        self._rows = max(BLOCK, chunk)
+        self._rows = chunk if self.servos else max(BLOCK, chunk)
         self._begin = -self._rows
         self._tables_ahead: dict[str, np.ndarray] = {}
         self._views: dict[str, np.ndarray] = {}
@@ -72,7 +75,7 @@ class WallMotion:
     def assign(self, step: int) -> None:
         """Write the places for launches that begin with `step`."""
         k = step - self._begin
-        if not 0 <= k <= self._rows - self.chunk:
+        if self.servos or not 0 <= k <= self._rows - self.chunk:
             self._begin, k = step, 0
             self._tables_ahead = self._tables(step, self._rows)
         for name, values in self._tables_ahead.items():
@@ -98,6 +101,14 @@ class WallMotion:
                 found["velocity"][:, w] = wall.velocity  # mutate: saw_tooth_beside_motion
         return found
 
+    def carried(self, points: np.ndarray, step: int) -> np.ndarray:
+        """Where points that move with the walls, one each, are in a step: shape (m, 3) [m]."""
+        found = points.astype(float)
+        for w, path in self.paths.items():
+            poses = path.at(step, 1)
+            found[w] = poses.rotation[0] @ points[w] + poses.shift[0]  # mutate: torque_point_moves
+        return found
+
     # -- how long a list holds -----------------------------------------------------------------------------
 
     def list_made(self, step: int) -> None:
@@ -110,7 +121,7 @@ class WallMotion:
         if self.list_step is None:
             return 0
         while self._reached < step + count and not self._beyond:
-            ahead = AHEAD - self._reached % AHEAD
+            ahead = 1 if self.servos else AHEAD - self._reached % AHEAD
             within = self._first_beyond(self._at_list, self._reached, ahead)
             self._reached, self._beyond = self._reached + within, within < ahead
         allowed = max(0, min(count, self._reached - step))
@@ -131,6 +142,9 @@ class WallMotion:
 
     def _marks(self, w: int, first: int, count: int) -> np.ndarray:
         """The marks of a wall in so many steps, computed block by block."""
+        if w in self.servos:
+            poses = self.paths[w].at(first, count)
+            return self.scene.wall_elements[w].marks(poses.rotation, poses.shift, *self._corners)
         found, end = [], first + count
         for b in range(first // BLOCK, (end - 1) // BLOCK + 1):
             if (w, b) not in self._known_marks:

@@ -119,6 +119,8 @@ def wall_table(state: State, scene: Scene, chunk: int, present: list[Wall]) -> A
         walls.displacement = table(np.zeros((m * chunk, 3)), t.wide3)
         velocity = np.array([wall.velocity for wall in elements])
         walls.velocity = table(np.tile(velocity, (chunk if state.spec.turning_walls else 1, 1)), t.wide3)
+        rows = np.cumsum([wall.moves for wall in elements]) - 1
+        walls.work_row = table(np.maximum(rows, 0).astype(np.int32), wp.int32)
         walls.stroke = table([wall.stroke for wall in elements], t.wide)
     if state.spec.fast_floors:
         walls.fast = table(np.array([wall.fast_floor for wall in elements], np.int32), wp.int32)

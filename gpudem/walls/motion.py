@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gpudem.scene.motion import Translation, Turn, rotations
+from gpudem.scene.motion import Servo, Translation, Turn, rotations
 
 #: Steps whose poses are computed at once.
 BLOCK = 256
@@ -221,3 +221,32 @@ class WallPath:
             velocity, spin = velocity + np.cross(own, center - at), spin + own
         assert center is not None
         return velocity, spin, center
+
+
+class ServoPath:
+    """Poses of a wall that follows the force on it: known for the last step done and the one to come."""
+
+    def __init__(self, servo: Servo, dt: float):
+        self.servo, self.dt = servo, dt
+        #: Of the last step done and of the next one: step, way [m] along the axis, velocity [m/s]; then the
+        #: sum of e dt [s] and the last e.
+        self.state = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.nan])
+
+    def at(self, first: int, count: int) -> Poses:
+        """Poses in the steps first .. first + count - 1, of which only those known are told apart."""
+        done = int(self.state[0])
+        way = np.where(np.arange(first, first + count) <= done, self.state[1], self.state[3])
+        speed = np.where(np.arange(first, first + count) <= done, self.state[2], self.state[4])
+        axis, zero = self.servo.unit_axis, np.zeros((count, 3))
+        rotation = np.broadcast_to(np.eye(3), (count, 3, 3))
+        return Poses(rotation, way[:, None] * axis, speed[:, None] * axis, zero, zero)
+
+    def advance(self, step: int, force: np.ndarray) -> None:
+        """Step `step` is done, with this force on the wall [N]: the velocity of the next one."""
+        servo, (_, _, _, way, speed, total, last) = self.servo, self.state.tolist()
+        error = 1 + float(force @ servo.unit_axis) / servo.target
+        total += error * self.dt
+        change = 0.0 if np.isnan(last) else (error - last) / self.dt
+        wanted = servo.kp * error + servo.ki * total + servo.kd * change
+        next_speed = servo.velocity_limit * min(1.0, max(-1.0, wanted))  # mutate: servo_velocity
+        self.state[:] = [step, way, speed, way + next_speed * self.dt, next_speed, total, error]

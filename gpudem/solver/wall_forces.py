@@ -1,0 +1,86 @@
+# pyright: reportInvalidTypeForm=false
+"""Force and torque on each wall in the written step: summed on the device, float64, in a fixed order."""
+
+import functools
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from gpudem.solver.device import quiet
+from gpudem.solver.spec import Spec
+from gpudem.solver.state import State, structs
+
+#: Partial sums of each wall: enough threads for any device, and 200 kB a wall to download.
+THREADS = 4096
+
+
+@functools.cache
+def sum_kernel(spec: Spec) -> Any:
+    """The kernel: thread t sums over the particles t, t + threads, ... for every wall."""
+    t = structs(spec.precision)
+    Params, Particles, Walls = t.Params, t.Particles, t.Walls
+
+    @wp.func
+    def wide3d(a: Any):
+        return wp.vec3d(wp.float64(a[0]), wp.float64(a[1]), wp.float64(a[2]))
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def sum_on_walls(
+        # params
+        params: Params,
+        threads: wp.int32,
+        # in
+        particles: Particles,
+        walls: Walls,
+        references: wp.array[wp.vec3d],
+        # out
+        force: wp.array[wp.vec3d],
+        torque: wp.array[wp.vec3d],
+    ):
+        t = wp.tid()
+        for w in range(params.walls):
+            force[t * params.walls + w] = wp.vec3d()
+            torque[t * params.walls + w] = wp.vec3d()
+        i = t
+        while i < params.n:
+            for k in range(particles.wall_start[i], particles.start[i + 1]):
+                entry = particles.neighbor[k]
+                if entry < 0:
+                    entry = -entry - 1
+                w = entry - params.n
+                if wp.static(bool(spec.meshes)):
+                    if w >= params.walls:
+                        w = walls.triangle_wall[w - params.walls]
+                f = -wide3d(particles.wall_force[k])  # mutate: force_of_particle_on_wall
+                lever = wide3d(particles.wall_point[k]) - references[w]
+                couple = -wide3d(particles.wall_couple[k])
+                at = t * params.walls + w
+                force[at] = force[at] + f
+                torque[at] = torque[at] + wp.cross(lever, f) + couple  # mutate: torque_on_wall
+            i += threads
+
+    return sum_on_walls
+
+
+class WallForces:
+    """Sums over the entries of the list of a state."""
+
+    def __init__(self, state: State):
+        self.state, self.threads = state, min(THREADS, state.n)
+        count = self.threads * state.walls
+        self._force = wp.zeros(count, dtype=wp.vec3d, device=state.device)
+        self._torque = wp.zeros(count, dtype=wp.vec3d, device=state.device)
+
+    def sums(self, params: Any, walls: Any, references: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(force [N], torque [N m] about the references [m]) on each wall: shapes (m, 3)."""
+        state = self.state
+        inputs = [params, self.threads, state.particles, walls]
+        with quiet():  # the first launch compiles
+            wp.launch(
+                sum_kernel(state.spec), self.threads,
+                inputs=[*inputs, wp.array(references, dtype=wp.vec3d, device=state.device)],
+                outputs=[self._force, self._torque], device=state.device,
+            )  # fmt: skip
+        shape = (self.threads, state.walls, 3)
+        return tuple(a.numpy().reshape(shape).sum(axis=0) for a in (self._force, self._torque))  # type: ignore[return-value]

@@ -1,0 +1,172 @@
+"""Force, torque and work of walls in the history: against weights, levers and energies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import gpudem
+from gpudem.errors import SceneError
+from gpudem.scene import Scene
+
+R, DT = 0.05, 2e-5
+FLAT = {
+    "vertices": [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]],
+    "triangles": [[0, 1, 2], [0, 2, 3]],
+}
+
+
+def scene(walls: list[dict], position: list, steps: int = 20000, output: dict | None = None, **more) -> Scene:
+    """Balls over walls, with damping and friction."""
+    names = tuple(wall["name"] for wall in walls)
+    more = {"gravity": (0.0, 0.0, -9.81)} | more
+    particles = {"source": "explicit", "position": position, "radius": R, "material": "a"}
+    return Scene(
+        name="loads", materials={"a": {"young": 5e6, "poisson": 0.3, "density": 2500.0}},
+        pairs=[{"materials": ("a", "a"), "restitution": 0.5, "friction": 0.4, "rolling_friction": 0.05}],
+        particles=particles | more.pop("particles", {}),
+        walls=[{"material": "a"} | wall for wall in walls],
+        domain={"lo": (-2, -2, -1), "hi": (2, 2, 2)}, time={"step": DT, "duration": steps * DT},
+        output={"history_every": steps * DT / 10, "wall_forces": names} | (output or {}), **more,
+    )  # fmt: skip
+
+
+def floor(kind: str) -> dict:
+    """A horizontal wall of a kind, at z = 0."""
+    if kind == "plane":
+        return {"kind": "plane", "name": "floor", "point": (0, 0, 0), "normal": (0, 0, 1)}
+    return {"kind": "mesh", "name": "floor", **FLAT}
+
+
+def vector(history, quantity: str, wall: str) -> np.ndarray:
+    """Columns of a quantity, shape (rows, 3)."""
+    return history[[f"{quantity}_{wall}_{axis}" for axis in "xyz"]].to_numpy()
+
+
+@pytest.mark.parametrize("rolling", ["off", "cdt"])
+@pytest.mark.parametrize("kind", ["plane", "mesh"])
+def test_balls_at_rest(kind, rolling):
+    """Weights and their levers about the origin; catches a wrong sign, a force counted at the wrong wall, a
+    lever from the ball's centre, the entry of a triangle taken for a wall."""
+    walls = [floor(kind), {"kind": "plane", "name": "side", "point": (-1.5, 0, 0), "normal": (1, 0, 0)}]
+    at = [[0.31, 0.2, 0.0498], [-0.2, -0.4, 0.0499]]
+    s = scene(walls, at, contact={"rolling": rolling})
+    history = gpudem.simulate(s).history
+    weight = np.array([[0, 0, -9.81 * m] for m in s.masses])
+    assert vector(history, "force", "floor")[-1] == pytest.approx(weight.sum(axis=0), abs=1e-3)
+    moment = np.cross(np.array(at) * [1, 1, 0], weight).sum(axis=0)
+    assert vector(history, "torque", "floor")[-1] == pytest.approx(moment, abs=1e-3)
+    assert not vector(history, "force", "side").any()
+    assert not history.work_floor.any()
+
+
+@pytest.mark.parametrize("kind", ["plane", "mesh"])
+def test_friction_on_a_belt(kind):
+    """A ball sliding on a belt: the belt is dragged back by mu N, and its work is that force times its speed.
+
+    Catches work taken from the ball's velocity, a belt without velocity, friction on the wall with the sign
+    of that on the ball.
+    """
+    belt, every = floor(kind) | {"surface_velocity": (3.0, 0, 0)}, {"history_every": DT}
+    s = scene([belt], [[0.0, 0, R - 2e-5]], steps=2000, output=every)
+    history = gpudem.simulate(s).history
+    force = vector(history, "force", "floor")
+    sliding = history.time > 0
+    assert force[sliding, 0] == pytest.approx(0.4 * force[sliding, 2], rel=1e-9)
+    impulse = -force[1:, 0].sum() * DT
+    assert impulse > 0.1
+    assert history.work_floor.iloc[-1] == pytest.approx(3.0 * impulse, rel=1e-12)
+
+
+def test_work_is_the_energy_gained():
+    """An elastic ball on an oscillating plate, without gravity: it gains the plate's work, to second order
+    in the step. Catches a force and a velocity of different steps, a motion without work."""
+    errors = []
+    for refine in (1, 2):
+        errors.append(_gain(refine))
+    assert errors[0] < 1e-3
+    assert errors[1] < 0.4 * errors[0]
+
+
+def _gain(refine: int) -> float:
+    s = Scene(
+        name="work", materials={"a": {"young": 5e6, "poisson": 0.3, "density": 2500.0}},
+        pairs=[{"materials": ("a", "a")}],
+        particles={"source": "explicit", "position": [[0.1, 0, R + 0.02]], "velocity": [[0, 0, -1.0]],
+                   "radius": R, "material": "a"},
+        walls=[{"kind": "mesh", "name": "floor", "material": "a", **FLAT,
+                "motion": [{"type": "oscillate", "amplitude": (0, 0, 0.002), "period": 0.05}]}],
+        domain={"lo": (-2, -2, -1), "hi": (2, 2, 2)}, time={"step": DT / refine, "duration": 0.06},
+        output={"history_every": 0.06, "wall_forces": ("floor",)},
+    )  # fmt: skip
+    history = gpudem.simulate(s).history
+    assert history.contacts.iloc[-1] == 0
+    gained = history.kinetic_energy.iloc[-1] - history.kinetic_energy.iloc[0]
+    assert abs(gained) > 0.1 * history.kinetic_energy.iloc[0]
+    return abs(history.work_floor.iloc[-1] / gained - 1)
+
+
+def test_turning_floor_torque_point():
+    """The torque about the point of the first turn: friction on a ball that a turntable carries has no lever
+    along the axis but r mu N; a reference far off changes it by d x F. Catches a point that does not move."""
+    turn = {"motion": [{"type": "rotate", "axis": (0, 0, 1), "point": (0.2, 0, 0), "period": 2.0}]}
+    at, found = [[0.7, 0, R - 1e-5]], {}
+    for reference in (None, (1.2, 0.0, 0.0)):
+        s = scene([floor("mesh") | turn | {"reference": reference}], at, steps=1000)
+        found[reference] = gpudem.simulate(s).history
+    force = vector(found[None], "force", "floor")
+    angle = 2 * np.pi * found[None].time.to_numpy() / 2.0
+    shift = np.stack(
+        [np.cos(angle), np.sin(angle), 0 * angle], axis=1
+    )  # 1 m from the axis, turned with the wall
+    away = vector(found[None], "torque", "floor") - np.cross(shift, force)
+    assert vector(found[(1.2, 0.0, 0.0)], "torque", "floor") == pytest.approx(away, abs=1e-9)
+    assert np.abs(force[1:, 1]).min() > 0.1
+
+
+def test_unknown_wall():
+    with pytest.raises(SceneError, match=r"output.wall_forces: 'flor' is no wall; did you mean 'floor'"):
+        scene([floor("plane")], [[0, 0, 0.06]], output={"wall_forces": ("flor",)})
+
+
+def test_without_a_history():
+    with pytest.raises(SceneError, match=r"wall_forces: has no effect without output\.history_every"):
+        scene([floor("plane")], [[0, 0, 0.06]], output={"history_every": None})
+
+
+def press(steps: int = 60000, **gains) -> Scene:
+    """A plate that presses a ball on the floor with 40 N."""
+    servo = {"type": "servo", "axis": (0, 0, -2), "target": 40.0, "velocity_limit": 0.05} | gains
+    plate = {"kind": "mesh", "name": "plate", **FLAT, "move": (0, 0, 2 * R + 1e-4), "motion": [servo]}
+    every = {"history_every": DT, "restart_every": 0.37}
+    return scene([floor("plane"), plate], [[0.02, 0.01, R - 1e-5]], steps=steps, output=every)
+
+
+@pytest.mark.parametrize(("ki", "kd"), [(0.0, 0.0), (0.5, 1e-6)])
+def test_a_servo_reaches_its_force(ki, kd):
+    """And moves as the controller says, from the forces of the history; catches a force of the wrong step or
+    sign, a limit not kept, a position that is not the sum of the velocities."""
+    history = gpudem.simulate(press(kp=0.4, ki=ki, kd=kd)).history
+    force, z = history.force_plate_z.to_numpy(), history.position_plate_z.to_numpy()
+    assert force[-1] == pytest.approx(40.0, rel=1e-3 if ki == 0 else 0.1)  # the integral decays slowly
+    error = 1 - force / 40.0
+    wanted = 0.4 * error[1:] + ki * np.cumsum(error[1:]) * DT
+    wanted[1:] += kd * np.diff(error[1:]) / DT
+    velocity = np.concatenate([[0.0], 0.05 * np.clip(wanted, -1, 1)[:-1]])
+    assert z[1:] - z[0] == pytest.approx(-np.cumsum(velocity) * DT, abs=1e-12)
+    assert history.work_plate.iloc[-1] > 0
+
+
+def test_a_servo_resumes_bit_for_bit(tmp_path):
+    """Catches a controller whose sum, last error or place is not in the restart file."""
+    s = press(steps=30000, ki=0.5, kd=1e-6)
+    whole = gpudem.simulate(s, tmp_path / "whole")
+    with pytest.raises(KeyboardInterrupt):
+        gpudem.simulate(s, tmp_path / "cut", hooks=[gpudem.every(0.5, _stop)])
+    resumed = gpudem.resume(tmp_path / "cut")
+    assert resumed.history.equals(whole.history)
+
+
+def _stop(sim) -> None:
+    if sim.time > 0.4:
+        raise KeyboardInterrupt
