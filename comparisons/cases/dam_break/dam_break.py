@@ -80,7 +80,8 @@ PUBLISHED = (
     checks.AT_REST,
     checks.arrival(
         GATE_LABELS[0.2], tolerance=0.03, tiers=LONG,
-        reason="friction is not printed, the slice has no side walls: half the paper's 0.05 s",
+        reason="the paper does not state the friction, and the slice has no side walls: half the paper's 0.05"
+            " s",
     ),
     kit.per_code(
         "ball friction at which the far wall is reached at the measured 0.49 s", checks.friction_at, lo=0.1,
@@ -103,11 +104,11 @@ CASE = kit.Case(
         "A bulk flow: polystyrene balls behind a gate, 200, 300 or 400 mm from the end of an acrylic box,"
         " collapse when it is removed, run to the far wall and come to rest. It was done as an experiment and"
         " on a GPU in 2014. The flows of two codes do not agree ball by ball, so they are compared over"
-        " seeds: is their difference larger than the scatter within each code? Then with the paper: heights"
-        " every 100 mm within its 8 mm, first ball at the far wall between its measured 0.49 s and its"
-        " simulated 0.54 s. Friction is not printed there; the sweep shows its influence. The standard tier"
-        " is a periodic slice three balls deep with Young's modulus reduced from 3.25 GPa to 5 MPa; the full"
-        " tier is the whole box with the true modulus."
+        " seeds: is their difference larger than the scatter within each code? They are then compared with"
+        " the paper: heights every 100 mm within its 8 mm, first ball at the far wall between its measured"
+        " 0.49 s and its simulated 0.54 s. The paper does not state the friction; a series of runs shows its"
+        " influence. The standard tier is a periodic slice three balls deep with Young's modulus reduced from"
+        " 3.25 GPa to 5 MPa; the full tier is the whole box with the true modulus."
     ),
     source="Park, Jun, Sohn and Lee, Trans. KSME, 2014 (in Korean).",
     variants=variants,

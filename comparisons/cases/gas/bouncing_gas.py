@@ -164,7 +164,8 @@ def gaps(results: kit.Results, kind: str, a: str, b: str) -> dict[str, kit.Measu
 
 SOFT_REASON = (
     "softness: contacts that take t_c make spheres smaller by up to d omega t_c/2 (see haff_box), so that"
-    " they collide and lose less and stand lower; no quantity here changes by more than omega t_c"
+    " they collide less often, lose less energy and stand lower; no quantity here changes by more than omega"
+    " t_c"
 )
 
 
@@ -249,7 +250,7 @@ EQUILIBRIUM_CHECKS: tuple[tuple[str, Callable[[kit.Results], kit.Found], float, 
      "slow waves of the column; the layer at the floor exceeds its bin",
      "a wrong profile with the right mean height"),
     ("<v^2> of each axis, of the lower and upper half against the mean", isothermal, 0.02, "equipartition",
-     "waves along the height, with few degrees of freedom, scatter by some 0.5 %",
+     "waves along the height, which have few degrees of freedom, scatter by about 0.5 %",
      "a floor or gravity that heats, a temperature that changes with height"),
 )  # fmt: skip
 

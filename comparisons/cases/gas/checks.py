@@ -39,8 +39,8 @@ def early_checks() -> tuple[kit.PerPair, ...]:
             f"{name}, largest difference over the first milliseconds",
             lambda results, code, other, column=column: measure(results, column, code, other),
             tolerance=1e-9, half_step=True,
-            reason="same law, same scheme: rounding, which each of the few collisions multiplies by"
-            " (free path / radius)",
+            reason="same law, same scheme: rounding, multiplied by (free path / radius) in each of the few"
+            " collisions",
             catches="a pair missing in the neighbor list, a wrong image across a periodic side",
         )
         for name, column in (("position / diameter", "position"), ("velocity / rms velocity", "velocity"))

@@ -129,10 +129,10 @@ def against_hard(results: kit.Results, code: str) -> kit.Measured:
 
 
 SOFT_REASON = (
-    "softness: a spring returns two spheres a contact time t_c after they touch, as hard spheres smaller by"
-    " v t_c/2 in diameter would; with the mean v of a collision, sqrt(pi T), that is d omega t_c/2, which"
-    " reduces the rate of collisions by 1.4 omega t_c at this density; omega, taken at the start, falls to"
-    " half meanwhile, which leaves up to 1 omega t_c"
+    "softness: soft spheres separate a contact time t_c after they touch, as hard spheres with a diameter"
+    " smaller by v t_c/2 would; with v = sqrt(pi T), the mean over collisions, this is d omega t_c/2 and"
+    " reduces the collision rate by 1.4 omega t_c at this density; omega is that of the start and falls to"
+    " half during the run, so that up to 1 omega t_c remains"
 )
 
 

@@ -236,12 +236,13 @@ def _table(results: kit.Results) -> kit.Rows:
 
 
 SOURCE_RULE = (
-    "All from the same starts. The source's rule has no test of approach, and none at walls. Varied one by"
-    " one at 0.01 s (m): as taken 0.206; pairs found once per step 0.307; found once and moved by half the"
-    " overlap each 0.310; every pair found twice 0.165 to 0.190; moved by 1e-6 m more than the overlap 0.27;"
-    " not separated 0.06; with a test of approach 0.319; tests at the walls, or walls after pairs, 0.207;"
-    " flight exact or old velocity first 0.211, 0.215. So the height results from pairs found twice, which"
-    " rounding decides. The source's text was not available: its rule is reconstructed from a description."
+    "All from the same starts. The source's rule has no test of approach, and none at walls. Mean heights [m]"
+    " at a step of 0.01 s with one part of its rule changed at a time: as taken 0.206; pairs found once per"
+    " step 0.307; found once and moved by half the overlap each 0.310; every pair found twice 0.165 to 0.190;"
+    " moved by 1e-6 m more than the overlap 0.27; not separated 0.06; with a test of approach 0.319; tests at"
+    " the walls, or walls after pairs, 0.207; flight exact or old velocity first 0.211, 0.215. So the height"
+    " results from pairs found twice, which rounding decides. The source's text was not available: its rule"
+    " is reconstructed from a description."
 )
 
 
@@ -307,8 +308,8 @@ CASE = kit.Case(
         kit.Figure(
             "Mean height: event-driven and by time steps",
             "Left: means over the seeds, event-driven with their range. Right: time steps tend to the"
-            " event-driven height; the source's rule stays below it at every step, as its program does:"
-            " pairs found twice in a step are reversed twice where rounding leaves them a digit short of a"
+            " event-driven height; the source's rule stays below it at every step, as its program does: pairs"
+            " found twice in a step are reversed twice where rounding leaves their distance slightly below a"
             " diameter.",
             _heights, needs=(CODE,), recorded=True,
         ),
