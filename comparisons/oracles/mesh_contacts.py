@@ -106,7 +106,7 @@ class LiggghtsRule:
 
     def __init__(self, corners: np.ndarray, curvature: float):
         """Of a mesh; curvature [rad]: triangles that meet and differ by no more are coplanar."""
-        self.corners, self.nodes = corners, numbered_nodes(corners)
+        self.corners, self.nodes, self.curvature = corners, numbered_nodes(corners), curvature
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         unit = normal / np.linalg.norm(normal, axis=1)[:, None]
         self.flat = unit @ unit.T >= np.cos(curvature)
@@ -130,18 +130,29 @@ class LiggghtsRule:
         for k, j in itertools.product(range(len(self.nodes)), range(3)):
             node = int(self.nodes[k, j])
             last = int(np.flatnonzero((self.nodes == node).any(axis=1)).max())
-            active[k, CORNER + j] = k == last and node in alive
+            active[k, CORNER + j] = k == last and node in alive and not self._straight(node)
         return active
+
+    def _straight(self, node: int) -> bool:
+        """Whether two edges at a node, active or not, are in one line."""
+        ways = [
+            self.corners[k, (j + step) % 3] - self.corners[k, j]
+            for k, j in np.argwhere(self.nodes == node).tolist()
+            for step in (1, 2)
+        ]
+        ways = [way / np.linalg.norm(way) for way in ways]
+        return any(a @ b <= -np.cos(self.curvature) for a, b in itertools.combinations(ways, 2))
 
     def contacts(self, x: np.ndarray, radius: float) -> list[tuple[float, np.ndarray]]:
         """(distance [m], unit normal) of each contact of a ball at x, which are then those of the last step.
 
-        1. Triangles that share an edge or a corner and whose normals differ by no more than the curvature
-        are coplanar. 2. An edge of one triangle counts; one that coplanar triangles share does not; any other
-        counts for the last of its triangles. 3. A corner counts for the last of its triangles, unless no edge
-        at it counts. 4. A nearest point inside a face counts, unless a coplanar triangle before it has such a
-        contact in this step; a triangle in contact in the last step keeps its own. 5. One on an edge or a
-        corner counts where that does. 6. All contacts act.
+        1. Triangles that share an edge or a corner and whose normals differ by no more than the
+        curvature are coplanar. 2. An edge of one triangle counts; one that coplanar triangles share
+        does not; any other counts for the last of its triangles. 3. A corner counts for the last of
+        its triangles, unless no edge at it counts, or two edges at it are in one line, up to the
+        curvature. 4. A nearest point inside a face counts, unless a coplanar triangle before it has
+        such a contact in this step; a triangle in contact in the last step keeps its own. 5. One on
+        an edge or a corner counts where that does. 6. All contacts act.
         """
         point, feature, distance = nearest_features(x, self.corners)
         faces: list[int] = []

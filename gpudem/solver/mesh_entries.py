@@ -20,6 +20,9 @@ from gpudem.solver.state import structs
 from gpudem.solver.wall_frames import wall_frame
 from gpudem.walls.triangle import FACE, nearest_of_triangle
 
+#: LIGGGHTS counts a place as one of the face up to barycentric coordinates of minus this length [m], divided
+#: by the distance of the farthest corner from the centroid; measured (tests/reference/test_walls.py).
+FACE_MARGIN = 5e-9
 #: Rounding of a gap, as a share of it.
 BEYOND_EDGE = {"float64": 2.0**-51, "mixed": 2.0**-51, "float32": 2.0**-22}
 
@@ -104,10 +107,10 @@ def mesh_entry(spec: Spec) -> SimpleNamespace:
 def triangle_surface(spec: Spec) -> Any:
     """A function of triangle e and a place in the frame of its mesh -> (gap [m], normal there, feature).
 
-    LIGGGHTS' rule has no contact at an edge within a plane: there a point beyond it by rounding is one of the
-    face.
+    LIGGGHTS' rule has no contact at an edge within a plane: there a point beyond it by rounding, or within
+    its margin (`FACE_MARGIN`), is one of the face.
     """
-    t = structs(spec.precision)
+    t, within_margin = structs(spec.precision), face_with_margin(spec.precision)
     Walls, wide, wide3, beyond = t.Walls, t.wide, t.wide3, BEYOND_EDGE[spec.precision]
 
     @wp.func
@@ -124,13 +127,34 @@ def triangle_surface(spec: Spec) -> Any:
         gap = wp.length(d)
         if wp.static(spec.meshes == "liggghts"):
             height = wp.dot(facing, place - a)
-            if gap - wp.abs(height) <= wide(beyond) * gap:
-                return gap, wp.sign(height) * facing, wp.int32(FACE)
+            if gap - wp.abs(height) <= wide(beyond) * gap or within_margin(walls, e, place):
+                return wp.abs(height), wp.sign(height) * facing, wp.int32(FACE)
         if gap > wide(0.0):
             return gap, d / gap, feature
         return gap, facing, feature
 
     return surface
+
+
+@functools.cache
+def face_with_margin(precision: str) -> Any:
+    """A function: whether a place lies over triangle e, or beyond its edges by LIGGGHTS' margin."""
+    t = structs(precision)
+    wide = t.wide
+
+    @wp.func
+    def within(walls: t.Walls, e: wp.int32, place: t.wide3):
+        a, b, c = walls.corners[3 * e], walls.corners[3 * e + 1], walls.corners[3 * e + 2]
+        facing, middle = walls.facing[e], (a + b + c) / wide(3.0)
+        farthest = wp.max(wp.length(a - middle), wp.max(wp.length(b - middle), wp.length(c - middle)))
+        area = wp.dot(wp.cross(b - a, c - a), facing)
+        least = -(wide(FACE_MARGIN) / farthest) * area  # mutate: face_margin
+        over_ab = wp.dot(wp.cross(b - a, place - a), facing)
+        over_bc = wp.dot(wp.cross(c - b, place - b), facing)
+        over_ca = wp.dot(wp.cross(a - c, place - c), facing)
+        return over_ab >= least and over_bc >= least and over_ca >= least
+
+    return within
 
 
 @functools.cache

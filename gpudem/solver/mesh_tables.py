@@ -64,7 +64,7 @@ class MeshTables:
         for triangles in meshes.values():
             own = shared_corners(triangles)
             nodes.append(own + 3 * first)
-            active.append(active_features(own, normals[first : first + len(own)], cosine))
+            active.append(active_features(own, normals[first : first + len(own)], cosine, triangles))
             first += len(own)
         return {
             "nodes": (np.concatenate(nodes).astype(np.int32), wp.vec3i),
@@ -151,11 +151,12 @@ def shared_corners(triangles: np.ndarray) -> np.ndarray:
     return _numbered(np.round(points / (1e-9 * size)).astype(np.int64)).reshape(-1, 3)
 
 
-def active_features(nodes: np.ndarray, normals: np.ndarray, cosine: float) -> np.ndarray:
+def active_features(nodes: np.ndarray, normals: np.ndarray, cosine: float, corners: np.ndarray) -> np.ndarray:
     """Which edges (bits 0 to 2) and corners (bits 3 to 5) of each triangle count by LIGGGHTS' rule: (k,).
 
     An edge of one triangle is active; one that coplanar triangles share is not; else it is for the triangle
-    that comes last. A corner is active for the last triangle there, unless no edge at it is active.
+    that comes last. A corner is active for the last triangle there, unless no edge at it is active or one
+    goes on straight as another (`straight_nodes`).
     Source: black-box runs of LIGGGHTS 3.8.0 (docs, "meshes").
     """
     count = len(nodes)
@@ -177,4 +178,28 @@ def active_features(nodes: np.ndarray, normals: np.ndarray, cosine: float) -> np
     latest = np.zeros(len(at_active), np.int64)
     np.maximum.at(latest, nodes.ravel(), np.repeat(np.arange(count), 3))
     active[:, 3:] = (latest[nodes] == np.arange(count)[:, None]) & at_active[nodes]
+    active[:, 3:] &= ~straight_nodes(nodes, corners, cosine)[nodes]
     return (active @ (1 << np.arange(6))).astype(np.int32)
+
+
+def straight_nodes(nodes: np.ndarray, corners: np.ndarray, cosine: float) -> np.ndarray:
+    """Whether an edge at each node goes on in a straight line as another one, active or not: (number,).
+
+    Args:
+        nodes: Numbers of the corners of each triangle, (k, 3).
+        corners: Their places, (k, 3, 3).
+        cosine: Of the angle up to which two edges are in one line.
+    """
+    ends = np.stack([nodes, np.roll(nodes, -1, axis=1)], axis=2).reshape(-1, 2)
+    way = (np.roll(corners, -1, axis=1) - corners).reshape(-1, 3)
+    way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
+    at, away = np.concatenate([ends[:, 0], ends[:, 1]]), np.concatenate([way, -way])
+    order = np.argsort(at, kind="stable")
+    at, away = at[order], away[order]
+    number, first, count = np.unique(at, return_index=True, return_counts=True)
+    straight = np.zeros(int(nodes.max()) + 1, bool)
+    for size in np.unique(count):  # nodes with so many edges
+        rows = first[count == size][:, None] + np.arange(size)
+        opposite = np.einsum("nik,njk->nij", away[rows], away[rows]) <= -cosine  # mutate: straight_edges
+        straight[number[count == size]] = opposite.any(axis=(1, 2))
+    return straight

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gpudem.scene.motion import Servo, Translation, Turn, rotations
+from gpudem.scene.motion import Servo, Swing, Translation, Turn, rotations
 
 #: Steps whose poses are computed at once.
 BLOCK = 256
@@ -68,8 +68,8 @@ class WallPath:
 
     sums: LIGGGHTS' places. Those of all motions but `linear` and `rotate` are right-hand sums
     x_n = x_(n-1) + v_n dt; in a step the motions act one after the other, whole, and a turn's velocity is
-    about its point as moved by the translations that come after it in the step; in the set-up at step 0 the
-    wall has no velocity.
+    about its point as moved by the translations that come after it in the step; the point of a `swing` stays
+    where it is, whatever translations come before; in the set-up at step 0 the wall has no velocity.
     Else: closed forms, true velocities, at the start too. Only a turn with a motion after it has none: each
     step composes the exact half steps of the motions in their order, then in the reverse order, an error of
     second order in dt.
@@ -82,7 +82,10 @@ class WallPath:
         self.motions, self.dt, self.sums = motions, dt, sums
         self._blocks: dict[int, Poses] = {}
         turns = [k for k, motion in enumerate(motions) if motion.turns]
-        self.closed = not turns or turns == [len(motions) - 1]
+        self._stays = [sums and isinstance(motion, Swing) for motion in motions]
+        self.closed = not turns or (
+            turns == [len(motions) - 1] and not (self._stays[-1] and len(motions) > 1)
+        )
         start = [np.zeros(()) if motion.turns else np.zeros(3) for motion in motions]
         self._ends = {0: _End(start, np.eye(4))}
         self._from_sums = [sums and not motion.exact for motion in motions]
@@ -202,6 +205,8 @@ class WallPath:
     def _point(self, m: int, ways: list[np.ndarray]) -> np.ndarray:
         """The point of turn m where the translations before it have carried it [m], shape (k, 3)."""
         point = np.tile(np.array(self.motions[m].point), (BLOCK, 1))  # type: ignore[union-attr]
+        if self._stays[m]:
+            return point  # mutate: point_of_swing_stays
         return point + sum(ways[j] for j in range(m) if not self.motions[j].turns)
 
     def _velocities(

@@ -31,6 +31,13 @@ def warnings(scene: Scene) -> list[str]:
             f"contact.mesh_contacts = {scene.contact.mesh_contacts!r}: LIGGGHTS has a rule of its own, which"
             " depends on the order of the triangles; mesh_contacts = 'liggghts' has gpudem follow it"
         )
+    for mesh in scene.meshes:
+        if sum(motion.turns for motion in mesh.motion) > 1:
+            found.append(
+                f"walls.{mesh.name}.motion: two turns: LIGGGHTS gives the mesh the velocity of the first"
+                " before the second has turned it in the step; contact velocities differ by angular"
+                " velocity times time step"
+            )
     if scene.meshes and not same_meshes(scene) and scene.output.history_every is not None:
         found.append(
             "history column 'contacts' is left out: LIGGGHTS cannot count contacts with meshes that come"

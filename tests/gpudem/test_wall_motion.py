@@ -12,7 +12,7 @@ import pytest
 
 from gpudem.scene import Scene
 from gpudem.scene.mesh import Mesh
-from gpudem.scene.motion import rotations
+from gpudem.scene.motion import Linear, Swing, rotations
 from gpudem.scene.round_walls import Cone, Cylinder
 from gpudem.scene.walls import Plane, Wall
 from gpudem.solver.wall_motion import WallMotion
@@ -360,3 +360,16 @@ def test_rodrigues():
     assert np.allclose(matrices @ np.swapaxes(matrices, 1, 2), np.eye(3), atol=1e-15)
     assert np.allclose(np.linalg.det(matrices), 1)
     assert np.allclose(matrices[2] @ (X - POINT) + POINT, turned(X, 2.0)[0], atol=1e-15)
+
+
+def test_point_of_a_swing_stays():
+    """LIGGGHTS' riggle turns the wall about a point at rest, whatever translation comes before.
+
+    Source: corners of a mesh as LIGGGHTS 3.8.0 writes them; forces agree to 1e-12 (`osc_swing`).
+    """
+    moves = Linear(type="linear", velocity=(1.0, 0.0, 0.0))
+    swing = Swing(type="swing", axis=(0, 0, 1), point=(0.5, 0.0, 0.0), amplitude=0.1, period=1.0)
+    sums, exact = (WallPath([moves, swing], 1e-3, sums=rule).at(1, 100) for rule in (True, False))
+    assert np.allclose(sums.center, (0.5, 0, 0))
+    assert np.allclose(exact.center[:, 0], 0.5 + 1e-3 * np.arange(1, 101))
+    assert np.abs(sums.shift[-1] - exact.shift[-1]).max() > 1e-4

@@ -4,27 +4,32 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from comparisons.oracles.mesh_contacts import CORNER, EDGE, nearest_features
 from gpudem.driver import simulate
 from gpudem.scene import Scene
 from reference import liggghts as code
 from reference.liggghts import limits
 from reference.liggghts.deck import render
 from reference.liggghts.errors import LiggghtsCannotState
-from tests.reference.scenes import FLOOR, OWN_LAWS, wall_bounce
+from tests.reference.scenes import FLOOR, OWN_LAWS, R, wall_bounce
 from tests.reference.test_agreement import worst
 from tests.reference.wall_scenes import (
+    CENSUS,
     CYLINDERS,
     FLAT,
     LINEAR,
     MESHES,
+    ROTATE,
     RULE,
     SWING,
     mesh,
     moved,
+    objects,
     rolling,
 )
 
@@ -45,6 +50,117 @@ def assert_agreement(scene: Scene, folder: Path, tolerance: float) -> None:
     if "contacts" in run.history:
         assert np.array_equal(run.history["contacts"], ours.history["contacts"])
         assert np.mean(run.history["contacts"]) > 0.5  # it touched
+
+
+#: Five balls: contacts multiply rounding.
+LOOSER = {"drum": 1e-5}
+
+
+@pytest.mark.liggghts
+@pytest.mark.parametrize("name", MESHES)
+def test_mesh_agrees_with_binary(name, tmp_path, liggghts):
+    """Detects another rule of contacts or springs at a triangle, another place or velocity of a wall."""
+    assert_agreement(MESHES[name](), tmp_path, LOOSER.get(name, TOLERANCE))
+
+
+STILL: dict[str, Any] = {"velocity": [[0, 0, 0]], "spin": [[0, 0, 0]]}
+
+
+def two_faces(angle: float) -> Scene:
+    """A ball at rest over a ridge of two triangles whose normals differ by `angle` [deg]."""
+    half = 0.02 * np.tan(np.radians(angle) / 2)
+    points = [[0, -0.02, 0], [0, 0.02, 0], [0.02, 0, -half], [-0.02, 0, -half]]
+    wall = mesh(vertices=points, triangles=[[0, 2, 1], [0, 1, 3]])
+    return rolling("ridge", wall, steps=2, position=[[0, 0, 0.00299]], gravity=(0, 0, 0), **STILL)
+
+
+#: A place counts as one of the face within 5e-9 m / 21.08 mm of the triangle's altitude, 4.74e-9 m, which a
+#: ball 2.99 mm high leaves at an angle of 1.82e-4 deg between the faces.
+MARGIN = {1.7e-4: True, 1.95e-4: False}
+
+
+@pytest.mark.parametrize("angle", MARGIN)
+def test_margin_of_a_face(angle):
+    """Detects a face without LIGGGHTS' margin: over a ridge within the curvature no triangle would count."""
+    assert (simulate(two_faces(angle)).trace["force"][0, 0, 2] > 0) == MARGIN[angle]
+
+
+@pytest.mark.liggghts
+@pytest.mark.parametrize("angle", MARGIN)
+def test_margin_is_that_of_the_binary(angle, tmp_path, liggghts):
+    """Detects another margin than the binary's."""
+    assert (code.run(two_faces(angle), tmp_path).trace["force"][0, 0, 2] > 0) == MARGIN[angle]
+
+
+#: Corners around an origin where two rims meet, as directions in turn: whether the corner counts.
+CORNERS = {
+    "no edge goes on": ([(1, 0), (0.9, -1), (-1, -1), (-1, 0.8), (0, 1)], True),
+    "an inactive edge goes on as another": ([(1, 0), (1, -1), (-1, -0.9), (-1, 1), (0, 1)], False),
+    "a rim goes on as an inactive edge": ([(1, 0), (0.9, -1), (0, -1), (-1, -1), (-1, 0.8), (0, 1)], False),
+    "0.2 degrees beside": ([(1, 0), (0.9, -1), (0.0035, -1), (-1, -1), (-1, 0.8), (0, 1)], False),
+    "0.3 degrees beside": ([(1, 0), (0.9, -1), (0.0053, -1), (-1, -1), (-1, 0.8), (0, 1)], True),
+}
+
+
+def notch(name: str) -> Scene:
+    """A ball in the notch of an L of triangles around the origin; the last one has the corner nearest."""
+    ring, _ = CORNERS[name]
+    points = [(0, 0, 0), *((0.01 * x, 0.01 * y, 0) for x, y in ring)]
+    fan = np.roll([[0, k + 2, k + 1] for k in range(len(ring) - 1)], -2, axis=0)
+    wall = mesh(vertices=points, triangles=fan)
+    place = [[1e-4, 2e-4, 0.00299]]
+    return rolling("notch", wall, steps=2, position=place, **STILL)
+
+
+@pytest.mark.parametrize("name", CORNERS)
+def test_corner_where_an_edge_goes_on(name):
+    """Detects a corner counted beside its edges: one where any edge goes on straight does not count."""
+    history = simulate(notch(name)).history
+    assert history is not None
+    assert int(history["contacts"].to_numpy()[0]) == (3 if CORNERS[name][1] else 2)
+
+
+@pytest.mark.liggghts
+@pytest.mark.parametrize("name", CORNERS)
+def test_corner_is_that_of_the_binary(name, tmp_path, liggghts):
+    """Detects another rule of corners than the binary's."""
+    assert_agreement(notch(name), tmp_path, TOLERANCE)
+
+
+#: One edge of 60 places about a sphere of 188 facets is left out for a reason that is not known.
+UNEXPLAINED = {"facets": 1}
+
+
+def beyond_an_obtuse_corner(x: np.ndarray, corners: np.ndarray) -> bool:
+    """Whether the nearest point of a triangle within reach is on an edge, and two barycentric coordinates of
+    x are negative: so it is beyond an obtuse corner only.
+    """
+    _point, feature, distance = nearest_features(x, corners)
+    for k in np.flatnonzero((distance < R) & (feature >= EDGE) & (feature < CORNER)):
+        a, b, c = corners[k]
+        normal = np.cross(b - a, c - a)
+        over = [np.cross(q - p, x - p) @ normal for p, q in ((a, b), (b, c), (c, a))]
+        if sum(value < 0 for value in over) == 2:
+            return True
+    return False
+
+
+@pytest.mark.liggghts
+@pytest.mark.parametrize("shape", CENSUS)
+def test_random_places(shape, tmp_path, liggghts):
+    """One force for each of 60 balls at random places of an object: detects a feature counted twice or not.
+
+    Trap 31: beyond an obtuse corner LIGGGHTS leaves out an edge that should count.
+    """
+    scene = objects(CENSUS[shape], 60, seed=7)
+    theirs, ours = code.run(scene, tmp_path).trace["force"][0], simulate(scene).trace["force"][0]
+    size = np.linalg.norm(theirs, axis=1)
+    assert (size > 0).mean() > 0.9
+    corners = scene.meshes[0].corners
+    off = np.flatnonzero(np.linalg.norm(ours - theirs, axis=1) > 1e-9 * size.max())
+    unexplained = [i for i in off if not beyond_an_obtuse_corner(scene.state.position[i], corners)]
+    assert len(unexplained) <= UNEXPLAINED.get(shape, 0), unexplained
+    assert (np.linalg.norm(ours - theirs, axis=1)[off] < 0.2 * size[off]).all()
 
 
 @pytest.mark.liggghts
@@ -115,6 +231,12 @@ def test_contacts_with_meshes_that_go_are_left_out_and_said():
     assert any("'contacts' is left out" in text for text in limits.warnings(MESHES["mesh_gate"]()))
     assert "mesh_contacts" not in render(MESHES["mesh_gate"]()).text
     assert "mesh_contacts" in render(MESHES["flat_mesh"]()).text
+
+
+def test_two_turns_are_said():
+    """Trap 28: LIGGGHTS takes the velocity of the first before the second has turned the mesh."""
+    assert any("two turns" in text for text in limits.warnings(moved("two", ROTATE, SWING)))
+    assert not any("two turns" in text for text in limits.warnings(moved("one", ROTATE, LINEAR)))
 
 
 def test_another_rule_is_said():

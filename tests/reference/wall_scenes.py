@@ -270,8 +270,7 @@ CENSUS = {
     "jittered": ball_of_triangles(2 * R, 3, seed=1),
     "small": ball_of_triangles(0.5 * R, 2, seed=2),
 }
-MESHES |= {
-    "two_turns": lambda: moved("two_turns", ROTATE, SWING),
+MESHES |= {  # compositions: which points of turns are carried along
     "osc_swing": lambda: moved("osc_swing", OSCILLATE, SWING),
     "swing_linear": lambda: moved("swing_linear", SWING, LINEAR),
 }
@@ -282,9 +281,6 @@ MESHES |= {
     "osc_rotate": lambda: moved("osc_rotate", OSCILLATE, ROTATE),
     "linear_turntable": lambda: moved("linear_turntable", LINEAR, TURN_TABLE),
     "osc_turntable": lambda: moved("osc_turntable", OSCILLATE, TURN_TABLE),
-    "rotate_swing_linear": lambda: moved("rotate_swing_linear", ROTATE, SWING, LINEAR),
-    "linear_rotate_swing": lambda: moved("linear_rotate_swing", LINEAR, ROTATE, SWING),
-    "rotate_turntable": lambda: moved("rotate_turntable", ROTATE, TURN_TABLE),
 }
 
 
