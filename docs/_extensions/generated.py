@@ -32,12 +32,12 @@ def write(folder: Path) -> None:
     files = {f"{name}.md": text for name, text in pages.items()}
     drawn = wall_pictures.pictures(folder.parent / "guide" / "walls.md")
     files |= {f"walls/{kind}.svg": text for kind, text in drawn.items()}
+    files["motions.svg"] = motion_pictures.picture()
     for name, text in files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.is_file() or path.read_text() != text:
             path.write_text(text)
-    motion_pictures.draw_motions(folder / "motions.svg")
 
 
 def table(header: list[str], rows: list[list[str]]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+import io
 from typing import Any
 
 import numpy as np
@@ -35,20 +35,22 @@ MOTIONS: dict[str, tuple[list[dict[str, Any]], float]] = {
 PLACES = 9
 
 
-def draw_motions(path: Path) -> None:
-    """One panel for each entry of `MOTIONS`; a file that is there is left alone."""
-    if path.is_file():
-        return
-    import matplotlib.pyplot as plt
+def picture() -> str:
+    """One panel for each entry of `MOTIONS`, as SVG; the same text each time."""
+    import matplotlib
+    from matplotlib.figure import Figure
 
-    figure, panels = plt.subplots(2, 4, figsize=(11, 5.6), layout="constrained")
-    for panel, (name, (stated, duration)) in zip(panels.flat, MOTIONS.items(), strict=True):
-        _draw(panel, stated, duration)
-        panel.set_title(f"`{name}`".strip("`"))
-    figure.supxlabel("x [m]")
-    figure.supylabel("z [m]")
-    figure.savefig(path, metadata={"Date": None})
-    plt.close(figure)
+    with matplotlib.rc_context({"svg.hashsalt": "motions"}):
+        figure = Figure(figsize=(11, 5.6), layout="constrained")
+        panels = figure.subplots(2, 4)
+        for panel, (name, (stated, duration)) in zip(panels.flat, MOTIONS.items(), strict=True):
+            _draw(panel, stated, duration)
+            panel.set_title(name)
+        figure.supxlabel("x [m]")
+        figure.supylabel("z [m]")
+        text = io.StringIO()
+        figure.savefig(text, format="svg", metadata={"Date": None}, transparent=True)
+    return text.getvalue()
 
 
 def _draw(panel: Any, stated: list[dict[str, Any]], duration: float) -> None:
