@@ -45,9 +45,7 @@ class WallMotion:
         self._at_list: dict[int, np.ndarray] = {}
         self._known_marks: dict[tuple[int, int], np.ndarray] = {}
         self._limit = scene.skin / 2  # mutate: share_of_skin
-        self._chunk_way = (
-            max((scene.wall_speeds[w] for w in self.paths), default=0.0) * scene.time.step * chunk
-        )
+        self._sure = 0
         self._rows = chunk if self.servos else max(BLOCK, chunk)
         self._begin = -self._rows
         self._tables_ahead: dict[str, np.ndarray] = {}
@@ -64,6 +62,7 @@ class WallMotion:
         names = {wall.name for wall in present}
         self._present = {w for w in self.paths if self.scene.wall_elements[w].name in names}
         self._walls, self.list_step = walls, None
+        self._sure = min((self._sure_steps(w) for w in self._present), default=AHEAD)
         self._views = {}
         if walls.rotation.device.is_cpu:
             arrays = {name: getattr(walls, name).numpy() for name in TABLES}
@@ -78,12 +77,13 @@ class WallMotion:
         if self.servos or not 0 <= k <= self._rows - self.chunk:
             self._begin, k = step, 0
             self._tables_ahead = self._tables(step, self._rows)
+        if self._views:
+            for name, view in self._views.items():
+                view[:] = self._tables_ahead[name][k : k + self.chunk]
+            return
         for name, values in self._tables_ahead.items():
-            if self._views:
-                self._views[name][:] = values[k : k + self.chunk]
-            else:
-                rows = values[k : k + self.chunk]
-                getattr(self._walls, name).assign(rows.reshape(-1, *rows.shape[2:]))
+            rows = values[k : k + self.chunk]
+            getattr(self._walls, name).assign(rows.reshape(-1, *rows.shape[2:]))
 
     def _tables(self, first: int, count: int) -> dict[str, np.ndarray]:
         """The tables of poses in so many steps: shapes (count, m, 3, 3) and (count, m, 3)."""
@@ -113,22 +113,39 @@ class WallMotion:
 
     def list_made(self, step: int) -> None:
         """A list was made for the places of `step`."""
-        self.list_step, self._reached, self._beyond = step, step, False
-        self._at_list = {w: self._marks(w, step, 1)[0] for w in self._present}
+        self.list_step, self._reached, self._beyond = step, step + self._sure, False
+        self._at_list = self._marks_of_all(step) if self.servos else {}
 
     def steps_within(self, step: int, count: int) -> int:
         """In how many of the next `count` steps, from `step` on, the list reaches the walls; 0: none."""
         if self.list_step is None:
             return 0
         while self._reached < step + count and not self._beyond:
+            self._at_list = self._at_list or self._marks_of_all(self.list_step)
             ahead = 1 if self.servos else AHEAD - self._reached % AHEAD
             within = self._first_beyond(self._at_list, self._reached, ahead)
             self._reached, self._beyond = self._reached + within, within < ahead
         allowed = max(0, min(count, self._reached - step))
-        if self.lists_in_chunk and allowed > 1 and self._chunk_way > self._limit:
-            made = {w: self._marks(w, step, 1)[0] for w in self._present}
+        if self.lists_in_chunk and allowed > max(1, self._sure):
+            made = self._marks_of_all(step)
             allowed = min(allowed, self._first_beyond(made, step, allowed))  # mutate: list_of_first_launch
         return allowed
+
+    def _sure_steps(self, w: int) -> int:
+        """Steps in which the wall cannot leave the reach of a list, by the bound of its speed.
+
+        0 where a translation carries a turn along, for that bound is for the stated run, which may be
+        exceeded; and beside a servo, of which only the next place is known.
+        """
+        turns = [motion.turns for motion in self.scene.wall_elements[w].motion]
+        carried = any(turn and not all(turns[:m]) for m, turn in enumerate(turns))
+        way = self.scene.wall_speeds[w] * self.scene.time.step
+        if carried or self.servos:
+            return 0
+        return AHEAD if way * AHEAD < self._limit else int(0.99 * self._limit / way)
+
+    def _marks_of_all(self, step: int) -> dict[int, np.ndarray]:
+        return {w: self._marks(w, step, 1)[0] for w in self._present}
 
     def _first_beyond(self, made: dict[int, np.ndarray], first: int, count: int) -> int:
         """How many steps from `first` on all walls are within reach of a list made at these marks."""
