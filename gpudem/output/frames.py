@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +15,14 @@ from gpudem.scene import Scene
 from gpudem.scene.walls import Wall
 
 
-def walls_mesh(scene: Scene, walls: list[Wall], step: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def walls_mesh(
+    scene: Scene, walls: list[Wall], step: int = 0, servo_ways: Mapping[str, np.ndarray] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """The outlines of walls in a step as one mesh of quads: points [m], shape (p, 3), and corners, (q, 4).
 
-    A wall with motions is where they have moved it, the saw-tooth of a plane at its lowest place.
+    A wall with motions is where they have moved it, the saw-tooth of a plane at its lowest place. Where a
+    servo has moved a wall only its run can tell: servo_ways, by name [m]; without them it is at its first
+    place, as in the frames of LIGGGHTS.
     """
     lo, hi = np.array(scene.domain.lo), np.array(scene.domain.hi)
     points, quads, count = [], [], 0
@@ -27,6 +31,8 @@ def walls_mesh(scene: Scene, walls: list[Wall], step: int = 0) -> tuple[np.ndarr
         if wall.name in scene.wall_paths:
             pose = scene.wall_paths[wall.name].at(step, 1)
             corners = corners @ pose.rotation[0].T + pose.shift[0]  # mutate: moved_outline
+        if servo_ways is not None and wall.name in servo_ways:
+            corners = corners + servo_ways[wall.name]
         points.append(corners)
         quads.append(faces + count)
         count += len(corners)
@@ -55,20 +61,20 @@ class FrameWriter:
                 self._enter(step)
             write_pvd(self.directory / PVD, self._entries)
 
-    def add(self, step: int, frame: Frame) -> None:
-        """Write one frame at `step` and bring the .pvd up to date."""
+    def add(self, step: int, frame: Frame, servo_ways: Mapping[str, np.ndarray] | None = None) -> None:
+        """Write one frame at `step`, with walls that a servo moves there, and bring the .pvd up to date."""
         write_vtu(self.directory / _name(step), frame)
-        self._enter(step)
+        self._enter(step, servo_ways)
         write_pvd(self.directory / PVD, self._entries)
 
-    def _enter(self, step: int) -> None:
+    def _enter(self, step: int, servo_ways: Mapping[str, np.ndarray] | None = None) -> None:
         time = step * self.scene.time.step
         self._entries.append((time, 0, _name(step)))
-        walls = self._file_of_walls(step)
+        walls = self._file_of_walls(step, servo_ways)
         if walls:
             self._entries.append((time, 1, walls))
 
-    def _file_of_walls(self, step: int) -> str | None:
+    def _file_of_walls(self, step: int, servo_ways: Mapping[str, np.ndarray] | None) -> str | None:
         """The file of the walls up to `step`: one for each segment, one for each frame where they move."""
         k = [k for k, (start, _, _) in enumerate(self._segments) if start < step or start == 0][-1]
         walls = self._segments[k][2]
@@ -77,7 +83,7 @@ class FrameWriter:
         if walls and name not in self._written:
             import meshio
 
-            points, quads = walls_mesh(self.scene, walls, step)
+            points, quads = walls_mesh(self.scene, walls, step, servo_ways)
             with replacing(self.directory / name) as partial:
                 mesh = meshio.Mesh(points, [("quad", quads)])
                 mesh.write(partial, file_format="vtu", binary=True, compression=None)

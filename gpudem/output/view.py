@@ -51,11 +51,12 @@ class View:
         contacts: Callable[[], int] = lambda: 0,
         wall_work: Callable[[], float | None] = lambda: None,
         wall_loads: Callable[[], dict[str, WallLoad]] = dict,
+        servo_ways: Callable[[], dict[str, np.ndarray]] = dict,
     ):
         """`column(name)` gives one of VECTORS; the other functions the properties of their names."""
         self.scene, self.step = scene, step
         self._column, self._contacts, self._wall_work = column, contacts, wall_work
-        self._wall_loads = wall_loads
+        self._wall_loads, self._servo_ways = wall_loads, servo_ways
         self._known: dict[Any, Any] = {}
 
     @classmethod
@@ -113,6 +114,11 @@ class View:
     def wall_work(self) -> float | None:
         """Work of moving walls since the start [J]; None where none moves."""
         return self._once("wall_work", self._wall_work)
+
+    @property
+    def servo_ways(self) -> dict[str, np.ndarray]:
+        """How far each wall with a servo is from its place at the start [m], shape (3,), by name."""
+        return self._once("servo_ways", self._servo_ways)
 
     @property
     def wall_loads(self) -> dict[str, WallLoad]:
@@ -194,10 +200,11 @@ class DeviceView(View):
         contacts: Callable[[], int] = lambda: 0,
         wall_work: Callable[[], float | None] = lambda: None,
         wall_loads: Callable[[], dict[str, WallLoad]] = dict,
+        servo_ways: Callable[[], dict[str, np.ndarray]] = dict,
     ):
         """`read(name)` gives a Warp array of three-component vectors; `scalars` lasts from view to view."""
         super().__init__(scene, step, lambda name: self.column(name).numpy().astype(np.float64, copy=False),
-                         contacts, wall_work, wall_loads)  # fmt: skip
+                         contacts, wall_work, wall_loads, servo_ways)  # fmt: skip
         self._read, self._scalars = read, scalars
 
     def column(self, name: str) -> Any:

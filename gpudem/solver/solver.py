@@ -512,6 +512,11 @@ class Solver:
             for w, wall in enumerate(elements) if wall.name in wanted
         }  # fmt: skip
 
+    def servo_ways(self) -> dict[str, np.ndarray]:
+        """How far each wall with a servo is from its place at the start [m], shape (3,), by name."""
+        elements, servos = self.scene.wall_elements, self._motion.servos
+        return {elements[w].name: path.at(self.step_count, 1).shift[0] for w, path in servos.items()}
+
     def _follow_forces(self) -> None:
         """Walls with a servo: their velocity in the next step, from the forces in the last one."""
         if self._motion.servos:

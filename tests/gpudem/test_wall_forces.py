@@ -7,6 +7,7 @@ import pytest
 
 import gpudem
 from gpudem.errors import SceneError
+from gpudem.output.vtu import read_vtu_and_cells
 from gpudem.scene import Scene
 
 R, DT = 0.05, 2e-5
@@ -165,6 +166,17 @@ def test_a_servo_resumes_bit_for_bit(tmp_path):
         gpudem.simulate(s, tmp_path / "cut", hooks=[gpudem.every(0.5, _stop)])
     resumed = gpudem.resume(tmp_path / "cut")
     assert resumed.history.equals(whole.history)
+
+
+def test_frames_show_where_a_servo_has_moved_its_wall(tmp_path):
+    """As the history does; catches a plate that is drawn at its first place."""
+    one = press(steps=4000).replace(output={"frames_every": 1000 * DT, "history_every": 1000 * DT})
+    run = gpudem.simulate(one, tmp_path)
+    moved = run.history.position_plate_z - run.history.position_plate_z.iloc[0]
+    for step, way in zip(run.history.step, moved, strict=True):
+        points, _ = read_vtu_and_cells(tmp_path / "frames" / f"walls_{step:09d}.vtu")
+        assert points["points"][-1, 2] == pytest.approx(2 * R + 1e-4 + way, abs=1e-15)
+    assert abs(moved.iloc[-1]) > 1e-6
 
 
 def _stop(sim) -> None:
