@@ -133,6 +133,16 @@ class LiggghtsRule:
             active[k, CORNER + j] = k == last and node in alive and not self._straight(node)
         return active
 
+    def _taken_for(self, k: int, feature: int, x: np.ndarray) -> int:
+        """The feature by which an edge or a corner counts: see rule 5 of `contacts`."""
+        corners = self.corners[k]
+        along = np.roll(corners, -1, axis=0) - corners
+        over = np.cross(along, x - corners) @ np.cross(along[0], along[1])
+        for corner in (0, 1):
+            if feature < CORNER and over[corner] < 0 and over[corner - 1] < 0:
+                return CORNER + corner
+        return feature
+
     def _straight(self, node: int) -> bool:
         """Whether two edges at a node, active or not, are in one line."""
         ways = [
@@ -152,7 +162,9 @@ class LiggghtsRule:
         its triangles, unless no edge at it counts, or two edges at it are in one line, up to the
         curvature. 4. A nearest point inside a face counts, unless a coplanar triangle before it has
         such a contact in this step; a triangle in contact in the last step keeps its own. 5. One on
-        an edge or a corner counts where that does. 6. All contacts act.
+        an edge or a corner counts where that does; one on an edge where the barycentric coordinates
+        of two corners are negative, and the third corner is the first or the second, where that
+        corner does. 6. All contacts act.
         """
         point, feature, distance = nearest_features(x, self.corners)
         faces: list[int] = []
@@ -163,7 +175,7 @@ class LiggghtsRule:
                 if shared and k not in self.touching:
                     continue
                 faces.append(k)
-            elif not self.active[k, int(feature[k])]:
+            elif not self.active[k, self._taken_for(k, int(feature[k]), x)]:
                 continue
             found[k] = (float(distance[k]), (x - point[k]) / distance[k])
         self.touching = set(found)

@@ -18,7 +18,7 @@ from gpudem.solver.arrays import access
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import structs
 from gpudem.solver.wall_frames import wall_frame
-from gpudem.walls.triangle import FACE, nearest_of_triangle
+from gpudem.walls.triangle import CORNER, FACE, nearest_of_triangle
 
 #: LIGGGHTS counts a place as one of the face up to barycentric coordinates of minus this length [m], divided
 #: by the distance of the farthest corner from the centroid; measured (tests/reference/test_walls.py).
@@ -108,9 +108,11 @@ def triangle_surface(spec: Spec) -> Any:
     """A function of triangle e and a place in the frame of its mesh -> (gap [m], normal there, feature).
 
     LIGGGHTS' rule has no contact at an edge within a plane: there a point beyond it by rounding, or within
-    its margin (`FACE_MARGIN`), is one of the face.
+    its margin (`FACE_MARGIN`), is one of the face; a point of an edge may count as a corner
+    (`feature_beyond_corner`).
     """
     t, within_margin = structs(spec.precision), face_with_margin(spec.precision)
+    beyond_corner = feature_beyond_corner(spec.precision)
     Walls, wide, wide3, beyond = t.Walls, t.wide, t.wide3, BEYOND_EDGE[spec.precision]
 
     @wp.func
@@ -129,6 +131,8 @@ def triangle_surface(spec: Spec) -> Any:
             height = wp.dot(facing, place - a)
             if gap - wp.abs(height) <= wide(beyond) * gap or within_margin(walls, e, place):
                 return wp.abs(height), wp.sign(height) * facing, wp.int32(FACE)
+            if feature < CORNER:
+                feature = beyond_corner(walls, e, place, feature)
         if gap > wide(0.0):
             return gap, d / gap, feature
         return gap, facing, feature
@@ -155,6 +159,31 @@ def face_with_margin(precision: str) -> Any:
         return over_ab >= least and over_bc >= least and over_ca >= least
 
     return within
+
+
+@functools.cache
+def feature_beyond_corner(precision: str) -> Any:
+    """A function: what LIGGGHTS takes a nearest point of an edge for: beyond an obtuse corner, the corner.
+
+    So where the barycentric coordinates of the other two corners are negative, at the first and the second
+    corner only. Measured on random places (tests/reference/test_walls.py).
+    """
+    t = structs(precision)
+
+    @wp.func
+    def feature_of(walls: t.Walls, e: wp.int32, place: t.wide3, feature: wp.int32):
+        a, b, c = walls.corners[3 * e], walls.corners[3 * e + 1], walls.corners[3 * e + 2]
+        facing, zero = walls.facing[e], t.wide(0.0)
+        over_ab = wp.dot(wp.cross(b - a, place - a), facing)
+        over_bc = wp.dot(wp.cross(c - b, place - b), facing)
+        over_ca = wp.dot(wp.cross(a - c, place - c), facing)
+        if over_ab < zero and over_ca < zero:
+            return wp.int32(CORNER)
+        if over_ab < zero and over_bc < zero:
+            return wp.int32(CORNER + 1)
+        return feature
+
+    return feature_of
 
 
 @functools.cache
