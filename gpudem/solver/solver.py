@@ -94,7 +94,7 @@ class Solver:
         self._motion = WallMotion(scene, self.chunk, bool(self.rebuild_in_graph))
         self._meshes = MeshTables(scene, self.state)
         self._rebuilds_seen = 0
-        self._wall_forces = WallForces(self.state) if self.spec.wall_forces else None
+        self._wall_forces: Any = WallForces(self.state) if self.spec.wall_forces else None
         self.walls: Any = None
         self._walls_at = 0
         self._meshes_present: list[str] = []

@@ -1,4 +1,5 @@
-# pyright: reportInvalidTypeForm=false
+# pyright: reportInvalidTypeForm=false, reportIndexIssue=false, reportArgumentType=false
+# pyright: reportOperatorIssue=false
 """Force and torque on each wall in the written step: summed on the device, float64, in a fixed order."""
 
 import functools

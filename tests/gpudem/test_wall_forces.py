@@ -89,6 +89,27 @@ def test_work_is_the_energy_gained():
     assert errors[1] < 0.4 * errors[0]
 
 
+def test_work_of_two_walls():
+    """Two belts, each with its ball, the second twice as fast: the work of each is its own, and the sum is that
+    of the history. Catches work booked on another wall."""
+    walls = [
+        {
+            "kind": "plane",
+            "name": name,
+            "point": (0, 0, z),
+            "normal": (0, 0, n),
+            "surface_velocity": (v, 0, 0),
+        }
+        for name, z, n, v in (("low", 0, 1, 1.0), ("high", 1, -1, 2.0))
+    ]
+    at = [[0, 0, R - 2e-5], [0.5, 0, 1 - R + 2e-5]]
+    s = scene(walls, at, steps=500, gravity=(0.0, 0.0, 0.0), output={"history": ("work",)})
+    last = gpudem.simulate(s).history.iloc[-1]
+    assert last.work_low > 0
+    assert last.work_high > 1.5 * last.work_low
+    assert last.work == pytest.approx(last.work_low + last.work_high, rel=1e-12)
+
+
 def _gain(refine: int) -> float:
     s = Scene(
         name="work", materials={"a": {"young": 5e6, "poisson": 0.3, "density": 2500.0}},
