@@ -90,16 +90,11 @@ def test_work_is_the_energy_gained():
 
 
 def test_work_of_two_walls():
-    """Two belts, each with its ball, the second twice as fast: the work of each is its own, and the sum is that
-    of the history. Catches work booked on another wall."""
+    """Two belts, each with its ball, the second twice as fast: the work of each is its own, and the sum is
+    that of the history. Catches work booked on another wall."""
     walls = [
-        {
-            "kind": "plane",
-            "name": name,
-            "point": (0, 0, z),
-            "normal": (0, 0, n),
-            "surface_velocity": (v, 0, 0),
-        }
+        floor("plane")
+        | {"name": name, "point": (0, 0, z), "normal": (0, 0, n), "surface_velocity": (v, 0, 0)}
         for name, z, n, v in (("low", 0, 1, 1.0), ("high", 1, -1, 2.0))
     ]
     at = [[0, 0, R - 2e-5], [0.5, 0, 1 - R + 2e-5]]
