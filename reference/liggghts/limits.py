@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from gpudem.scene import Pair, Plane, Scene
 from gpudem.scene.laws import acting
 from gpudem.scene.mesh import Mesh
+from gpudem.scene.motion import Servo
 from gpudem.scene.walls import Wall
 from reference.liggghts.contact_model import laws_of
 from reference.liggghts.errors import LiggghtsCannotState
@@ -142,7 +143,9 @@ def _mesh(mesh: Mesh) -> Iterator[str]:
     if mesh.motion and mesh.surface_velocity is not None:
         yield ".surface_velocity: LIGGGHTS has no belt on a mesh that moves"
     for k, motion in enumerate(mesh.motion):
-        if not isinstance(motion, MOTIONS):
+        if isinstance(motion, Servo):
+            yield f".motion[{k}].type = 'servo': no deck is written yet for LIGGGHTS' servo wall; gpudem only"
+        elif not isinstance(motion, MOTIONS):
             yield f".motion[{k}].type = {motion.type!r}: LIGGGHTS has no such motion"
 
 

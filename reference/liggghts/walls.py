@@ -14,7 +14,7 @@ import numpy as np
 
 from gpudem.scene import Plane, Scene
 from gpudem.scene.mesh import Mesh
-from gpudem.scene.motion import Linear, Motion, Oscillate, Rotate, Swing, TranslationTable, TurnTable
+from gpudem.scene.motion import Linear, Motion, Oscillate, Rotate, Swing, TranslationTable, Turn, TurnTable
 from gpudem.scene.walls import Wall
 from reference.liggghts.contact_model import model, switches
 
@@ -159,6 +159,7 @@ def _motion(scene: Scene, mesh: Mesh, k: int, variables: list[tuple[str, str]]) 
         names = [_table(scene, f"{name}_{a}", motion.time, motion.velocity[:, i], variables)
                  for i, a in enumerate("xyz")]  # fmt: skip
         return f"linear/variable {' '.join(names)}"
+    assert isinstance(motion, Turn), f"{motion.type}: refused by limits.check"
     axis = f"origin {vector(motion.point)} axis {vector(motion.axis)}"
     if isinstance(motion, Rotate):
         return f"rotate {axis} period {number(motion.period)}"
