@@ -272,7 +272,9 @@ def test_a_particle_outside_it_is_refused():
 
 
 def test_a_wall_kind_is_refused_where_it_cannot_be_stated():
-    with pytest.raises(LiggghtsCannotState, match=r"walls\.bowl\.kind = 'ball': LIGGGHTS gets planes only"):
+    with pytest.raises(
+        LiggghtsCannotState, match=r"walls\.bowl\.kind = 'ball': LIGGGHTS gets planes, endless"
+    ):
         deck.render(bowl())
     with pytest.raises(SceneError, match="ball"):
         gpudem.event_driven.run(bowl(pairs=[{"materials": ("a", "a"), "restitution": 0.3}]))

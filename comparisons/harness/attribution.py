@@ -131,7 +131,8 @@ def main(results: Results, code: str) -> Verdict:
 
 def _physics(scene: Scene) -> str:
     """The same for scenes that differ only in time step and output."""
-    silent = dict.fromkeys(type(scene.output).model_fields)
+    fields = type(scene.output).model_fields.items()
+    silent = {name: field.get_default() for name, field in fields}
     return scene.replace(
         time={"step": 1.0, "duration": 1.0}, output=silent, allow=["time_step", "speed"]
     ).hash

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
+from comparisons.oracles.mesh_contacts import nearest_features
+
 
 def rectangle(a: ArrayLike, u: ArrayLike, v: ArrayLike, cells: tuple[int, int] = (1, 1)) -> np.ndarray:
     """The rectangle a, a + u, a + u + v, a + v in cells of two triangles; normal along u x v."""
@@ -105,13 +107,11 @@ def divided(corners: np.ndarray, seed: int, times: int) -> np.ndarray:
 
 def positions_near(corners: np.ndarray, radius: float, count: int, seed: int) -> np.ndarray:
     """Random places [m] nearer than `radius` to a mesh, none of them in the reach of a guard."""
-    from gpudem.scene.mesh_distance import distance_to_triangles
-
     rng, found = np.random.default_rng(seed), np.empty((0, 3))
     low, high = corners.min(axis=(0, 1)) - radius, corners.max(axis=(0, 1)) + radius
     while len(found) < count:
         tried = rng.uniform(low, high, (count, 3))
-        gap = distance_to_triangles(tried, corners)
+        gap = np.array([nearest_features(x, corners)[2].min() for x in tried])
         found = np.concatenate([found, tried[(gap < 0.999 * radius) & (gap > 0.55 * radius)]])
     return found[:count]
 

@@ -55,7 +55,7 @@ def test_advice_says_modulus_cost_and_what_is_left_open(results):
     ball = said["modulus, for the first ball at the far wall"]
     assert ball.startswith("5·10⁸ Pa and more: 10 seeds")
     assert "1/2.5 of the time" in ball  # root of 3.25e9/5e8
-    shift = float(ball.partition("At 5·10⁷ Pa: time to the far wall ")[2].removesuffix(" ms."))
+    shift = float(ball.partition("Significant at 5·10⁷ Pa: time to the far wall ")[2].removesuffix(" ms."))
     assert shift == pytest.approx(40, abs=2)
     possible = float(ball.partition("confidence intervals: time to the far wall ")[2].split()[0])
     assert 0.5 < possible < 2.5  # some two standard errors, 0.45 each, and the gap itself

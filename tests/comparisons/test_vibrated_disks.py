@@ -7,9 +7,8 @@ pairs twice, a source's rule that does not.
 import numpy as np
 import pytest
 
-from comparisons.cases.vibrated_disks import soft_disks, vibrated_box
+from comparisons.cases.vibrated_disks import soft_disks, stepped_disks, vibrated_box
 from comparisons.metrics.limit import Approach, block_mean
-from comparisons.oracles import stepped_disks
 from gpudem.driver import simulate as run
 from gpudem.event_driven.problem import HardSphereProblem
 

@@ -57,11 +57,11 @@ def test_a_frame_that_cannot_be_written(tmp_path, monkeypatch, code, good):
     bed = scene("two", **FACING, steps=1000, output={"frames_every": 1e-4}, contact=off)
     write, frames = FrameWriter.add, []
 
-    def add(self: FrameWriter, step: int, frame: Frame) -> None:
+    def add(self: FrameWriter, step: int, frame: Frame, *more: object) -> None:
         frames.append(step)
         if len(frames) > good:
             raise OSError(28, "No space left on device")
-        write(self, step, frame)
+        write(self, step, frame, *more)
 
     monkeypatch.setattr(FrameWriter, "add", add)
     with pytest.raises(OSError, match="No space left"):
@@ -75,6 +75,9 @@ def test_a_frame_that_cannot_be_written(tmp_path, monkeypatch, code, good):
 def test_interrupt_keeps_what_there_is(tmp_path):
     """Ctrl-C in the middle: KeyboardInterrupt goes on, the run so far is on disk."""
     bed = falling_bed(2500, output={"frames_every": 0.002, "history_every": 0.001})
+    bed = bed.replace(
+        time={"duration": 10 * bed.time.duration}
+    )  # a fast machine reports few steps of a short run
 
     def interrupt(step: int) -> None:
         if step > 100:
@@ -83,7 +86,7 @@ def test_interrupt_keeps_what_there_is(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         run(bed, tmp_path, progress=interrupt)
     kept = Run.load(tmp_path)
-    assert 100 < kept.notes["interrupted_at_step"] < 2000
+    assert 100 < kept.notes["interrupted_at_step"] < bed.n_steps
     assert len(kept.frames) >= 1
     assert np.isfinite(kept.frames[-1]["position"]).all()
     assert len(kept.history) >= 1

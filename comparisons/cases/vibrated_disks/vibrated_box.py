@@ -8,9 +8,8 @@ import numpy as np
 
 from comparisons import kit
 from comparisons.cases.gas.checks import hard, no_overlap
-from comparisons.cases.vibrated_disks import soft_disks
+from comparisons.cases.vibrated_disks import soft_disks, stepped_disks
 from comparisons.metrics import statistics
-from comparisons.oracles import stepped_disks
 from comparisons.report import plots
 from gpudem.event_driven.problem import HardSphereProblem
 from gpudem.output.run import Run
