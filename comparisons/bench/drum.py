@@ -22,7 +22,7 @@ FACETS, CELLS = 50, 3
 #: Of one turn [s]: a cascading bed, omega^2 R/g = 0.13.
 PERIOD = 2.0
 #: How long the bed falls and turns before it is kept [s].
-FLOW = 1.5
+FLOW = 1.0
 
 
 def drum_scene(

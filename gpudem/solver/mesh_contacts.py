@@ -291,8 +291,8 @@ def liggghts_contacts(spec: Spec) -> Any:
         e, feature = triangle_of(code_of(params, particles, k)), OPEN - get_int(particles.mesh_leader, k)
         if feature >= EDGE:
             return (walls.active[e] >> (feature - EDGE)) & 1 == 1  # mutate: active_feature
-        if get_int(particles.neighbor, k) < 0:
-            return True  # mutate: face_keeps_contact
+        if get_int(particles.neighbor, k) < 0:  # mutate: face_keeps_contact
+            return True
         for before in range(begin, at):
             m = get_int(particles.mesh_near, before)
             if get_int(particles.mesh_leader, m) == m:

@@ -199,7 +199,7 @@ def triangle_reach(precision: str) -> Any:
     @wp.func
     def may_reach(walls: Walls, e: wp.int32, place: wide3, limit: wide):
         d = place - walls.middle[e]
-        around = limit + walls.extent[e]
+        around = limit + walls.extent[e]  # mutate: sphere_of_triangle
         if wp.dot(d, d) > around * around:
             return False
         # a tenth of the limit covers the rounding of a long triangle's plane in float32

@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 from gpudem.solver.device import quiet
+from gpudem.solver.mesh_entries import mesh_entry
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import State, structs
 
@@ -21,6 +22,7 @@ def sum_kernel(spec: Spec) -> Any:
     """The kernel: thread t sums over the particles t, t + threads, ... for every wall."""
     t = structs(spec.precision)
     Params, Particles, Walls = t.Params, t.Particles, t.Walls
+    triangle = mesh_entry(spec).triangle
 
     @wp.func
     def wide3d(a: Any):
@@ -52,7 +54,7 @@ def sum_kernel(spec: Spec) -> Any:
                 w = entry - params.n
                 if wp.static(bool(spec.meshes)):
                     if w >= params.walls:
-                        w = walls.triangle_wall[w - params.walls]
+                        w = walls.triangle_wall[triangle(w - params.walls)]  # mutate: wall_of_image
                 f = -wide3d(particles.wall_force[k])  # mutate: force_of_particle_on_wall
                 lever = wide3d(particles.wall_point[k]) - references[w]
                 couple = -wide3d(particles.wall_couple[k])

@@ -218,3 +218,29 @@ def test_springs_survive_walls_that_come_and_go():
         assert np.abs(ours["force"] - alone["force"]).max() < 1e-4
     assert abs(alone["position"][0, 0]) < 1e-3
     assert abs(alone["torque"][0, 1]) < 0.02  # friction alone: 0.2 N m
+
+
+def test_rocks_over_a_seam_as_on_a_plane():
+    """Rolling friction below its limit is a spring: its torque goes on where a ball rocks to and fro between
+    two triangles.
+    """
+    floor = rectangle((-0.3, -0.3, 0), (0.6, 0, 0), (0, 0.6, 0), (2, 1))
+    plane = {"kind": "plane", "name": "plane", "material": "wall", "point": (0, 0, 0), "normal": (0, 0, 1)}
+    found = []
+    for wall in (mesh(floor), plane):
+        scene = mesh_scene([wall], (1e-5, 0.1, 0.0499), velocity=(0.002, 0, 0), spin=(0, 0.04, 0),
+                           friction=0.8, rolling=0.6, restitution=0.5, gravity=(0, 0, -9.81),
+                           contact={"rolling": "epsd2"}, time={"step": 1e-4, "duration": 0.2})  # fmt: skip
+        solver = Solver(scene, threads=1)
+        solver.start(write=True)
+        way, torque = [], []
+        for _ in range(scene.n_steps):
+            solver.write_step()
+            way.append(solver.column("position")[0, 0])
+            torque.append(solver.column("torque")[0, 1])
+        solver.close()
+        found.append((np.array(way), np.array(torque)))
+    (way, torque), (exact_way, exact_torque) = found
+    assert np.count_nonzero(np.diff(np.sign(exact_way))) >= 2
+    assert np.abs(way - exact_way).max() < 1e-9 * np.abs(exact_way).max()
+    assert np.abs(torque - exact_torque).max() < 1e-9 * np.abs(exact_torque).max()

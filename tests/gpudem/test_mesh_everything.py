@@ -149,7 +149,6 @@ FLOORS = {
     "fine": shuffled(rectangle((-0.01, 0, 0), (0.22, 0, 0), (0, 0.05, 0), (9, 7)), 1),
     "shifted": rectangle((-0.01, 0.03, 0), (0.22, 0, 0), (0, 0.05, 0)),
     "beyond both sides": rectangle((-0.01, -0.02, 0), (0.22, 0, 0), (0, 0.09, 0)),
-    "three sides away": rectangle((-0.01, 0.16, 0), (0.22, 0, 0), (0, 0.05, 0), (2, 2)),
     "divided": divided(rectangle((-0.01, -0.01, 0), (0.22, 0, 0), (0, 0.05, 0)), 2, 30),
 }
 
@@ -160,7 +159,8 @@ def periodic(walls: list[dict[str, Any]], **changes: Any) -> Scene:
     particles = {"source": "explicit", "material": "ball", "radius": 0.003, "position": started.position,
                  "velocity": started.velocity + np.array((0, 2.0, -0.5))}  # fmt: skip
     domain = {"lo": (-0.001, 0, -0.001), "hi": (0.201, 0.05, 0.401), "periodic": (False, True, False)}
-    return bed(walls, particles=particles, domain=domain, time={"step": 2e-5, "duration": 0.03}, **changes)
+    keys = {"time": {"step": 2e-5, "duration": 0.03}, **changes}
+    return bed(walls, particles=particles, domain=domain, **keys)
 
 
 @pytest.mark.parametrize("name", FLOORS)
@@ -174,9 +174,12 @@ def test_across_periodic_sides(name):
 
 @pytest.mark.parametrize("precision", ["float64", "mixed", "float32"])
 def test_a_floor_that_moves_on_through_periodic_sides(precision):
-    """0.4 m in 0.03 s, eight times the side: as the plane that moves so."""
+    """0.4 m in 0.03 s, eight times the side: as the plane that moves so. With less precision for less time:
+    the balls that are thrown up amplify rounding.
+    """
     motion = [{"type": "linear", "velocity": (0, 13.0, 0)}]
-    keys = {"solver": {"precision": precision}}
+    duration = {"float64": 0.03, "mixed": 0.015, "float32": 0.01}[precision]
+    keys = {"solver": {"precision": precision}, "time": {"step": 2e-5, "duration": duration}}
     exact, found = (
         solve(periodic([{**wall, "motion": motion}, *planes("x")], **keys))
         for wall in (
@@ -185,3 +188,25 @@ def test_a_floor_that_moves_on_through_periodic_sides(precision):
         )
     )
     assert apart(exact, found) < {"float64": 1e-6, "mixed": 1e-3, "float32": 0.05}[precision]
+
+
+def test_forces_on_walls_across_periodic_sides():
+    """Of a floor and of ends, each to its own wall. Catches the entry of an image taken for a triangle."""
+    loads = []
+    for walls in (
+        [{"kind": "plane", "name": "floor", "material": "wall", "point": (0, 0, 0), "normal": (0, 0, 1)}],
+        [mesh(FLOORS["fine"], "floor")],
+    ):
+        output = {"history_every": 0.01, "wall_forces": ("ends", "floor")}
+        scene = periodic([mesh(sides("x", 0.02), "ends"), *walls], output=output)
+        solver = Solver(scene, threads=1)
+        solver.start()
+        solver.advance(400)
+        solver.write_step()
+        loads.append({name: load.force for name, load in solver.wall_loads().items()})
+        solver.close()
+    exact, found = loads
+    assert set(exact) == {"ends", "floor"}
+    for name, force in exact.items():
+        assert np.abs(force).max() > 1e-3, name
+        assert found[name] == pytest.approx(force, rel=1e-6), name

@@ -112,3 +112,16 @@ def test_a_triangle_too_long_for_periodic_sides_is_refused():
     scene = mesh_scene([floor], (0, 0, 0.049), radius=0.05, domain=domain)
     with pytest.raises(GpudemError, match=r"walls: mesh: triangle 1 is 8 m long across the periodic"):
         Solver(scene)
+
+
+def test_a_ball_deep_in_a_mesh_is_named():
+    """As with a plane: the run ends with the particle, the mesh and what to do."""
+    floor = mesh(rectangle((-0.3, -0.3, 0), (0.6, 0, 0), (0, 0.6, 0)), "floor")
+    soft = {name: {"young": 5e3, "poisson": 0.3, "density": 2500.0} for name in ("ball", "wall")}
+    scene = mesh_scene([floor], (0, 0.01, 0.049), velocity=(0, 0, -3), materials=soft,
+                       allow=["unusual_units"], time={"step": 1e-4, "duration": 0.05})  # fmt: skip
+    solver = Solver(scene, threads=1)
+    solver.start()
+    with pytest.raises(GpudemError, match=r"particle 1 overlaps wall floor by more than 0\.5 of the radius"):
+        solver.advance(400)
+    solver.close()
