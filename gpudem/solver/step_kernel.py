@@ -214,7 +214,7 @@ def wall_action(spec: Spec) -> SimpleNamespace:
     def note(particles: Particles, mode: wp.int32, k: wp.int32, force: vec3, couple: vec3, point: wide3):
         if wp.static(spec.wall_forces):
             if wp.static(spec.servo) or mode & WRITE != 0:
-                particles.wall_force[k] = force  # mutate: force_on_wall
+                particles.wall_force[k] = force
                 particles.wall_point[k] = point
                 particles.wall_couple[k] = couple
 
