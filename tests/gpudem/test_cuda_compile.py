@@ -37,7 +37,7 @@ pytestmark = [
         (Spec(normal="hooke", **EVERYTHING), 168),
         (Spec(normal="hertz/stiffness", limit_force=True, **FULL), 128),
         *((Spec(precision=p, **MESH), most) for p, most in MESH_REGISTERS.items()),
-        (Spec(**{**MESH, "meshes": "liggghts"}), 128),
+        (Spec(**{**MESH, "meshes": "liggghts"}), MESH_REGISTERS["float64"]),
     ],
     ids=[
         "frictionless",
