@@ -13,7 +13,7 @@ import numpy as np
 
 from gpudem.scene.files import nearest
 from gpudem.scene.mesh_repair import MAX_TRIANGLES
-from gpudem.scene.motion import Translation, Turn
+from gpudem.scene.motion import Servo, Translation, Turn
 from gpudem.scene.round_walls import Cylinder, Round
 from gpudem.scene.walls import NORMAL_ROUNDING, Box, Wall
 
@@ -50,6 +50,9 @@ def statements(scene: Scene) -> list[str]:
     names = [[wall.name for wall in scene.walls], [part.name for part in scene.wall_elements]]
     twice = [name for some in names for name, count in collections.Counter(some).items() if count > 1]
     found += [f"walls: name {name!r} given twice" for name in dict.fromkeys(twice)]
+    servos = [wall for wall in scene.wall_elements if any(isinstance(m, Servo) for m in wall.motion)]
+    found += [f"walls: {w.name}.motion: a servo beside other motions; a servo must be the only one"
+              for w in servos if len(w.motion) > 1]  # fmt: skip
     for plane in scene.planes:
         if any(p and n for p, n in zip(scene.domain.periodic, plane.normal, strict=True)):
             axes = [a for a, p, n in zip("xyz", scene.domain.periodic, plane.normal, strict=True) if p and n]

@@ -146,6 +146,14 @@ def test_unknown_wall():
         scene([floor("plane")], [[0, 0, 0.06]], output={"wall_forces": ("flor",)})
 
 
+def test_a_servo_beside_another_motion():
+    """Which would be left out: the wall follows the force alone."""
+    servo = {"type": "servo", "axis": (0, 0, -1), "target": 40.0, "velocity_limit": 0.05}
+    motions = [servo, {"type": "linear", "velocity": (1, 0, 0)}]
+    with pytest.raises(SceneError, match=r"walls: floor.motion: a servo beside other motions"):
+        scene([floor("mesh") | {"motion": motions}], [[0, 0, 0.06]])
+
+
 def test_without_a_history():
     with pytest.raises(SceneError, match=r"wall_forces: has no effect without output\.history_every"):
         scene([floor("plane")], [[0, 0, 0.06]], output={"history_every": None})
