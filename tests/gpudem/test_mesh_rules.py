@@ -41,6 +41,7 @@ def test_unique_is_one_contact_for_each_least_distance(name):
         assert min(len(c) for c in contacts) >= 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CENSUS)
 def test_liggghts_rule(name):
     """The six rules of its binary, which explained 16 660 of 16 700 of its forces."""

@@ -167,6 +167,7 @@ def press(steps: int = 15000, **gains) -> Scene:
     return scene([floor("plane"), plate], [[0.02, 0.01, R - 1e-5]], steps=steps, output=every)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("ki", "kd"), [(0.0, 0.0), (0.5, 1e-6)])
 def test_a_servo_reaches_its_force(ki, kd):
     """And moves as the controller says, from the forces of the history; catches a force of the wrong step or
@@ -182,6 +183,7 @@ def test_a_servo_reaches_its_force(ki, kd):
     assert history.work_plate.iloc[-1] > 0
 
 
+@pytest.mark.long
 def test_a_servo_resumes_bit_for_bit(tmp_path):
     """Catches a controller whose sum, last error or place is not in the restart file."""
     s = press(steps=8000, ki=0.5, kd=1e-6)
