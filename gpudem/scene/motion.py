@@ -29,6 +29,12 @@ def rotations(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
     return np.eye(3) + sine * cross + versine * (cross @ cross)  # mutate: rodrigues
 
 
+def _unit(axis: Vector) -> np.ndarray:
+    """The direction with length one."""
+    scaled = np.array(axis) / np.abs(axis).max()
+    return scaled / math.sqrt(math.fsum(scaled * scaled))
+
+
 class _Motion(Model):
     """What every motion has: `way` since the start and `rate` at times [s], shape (k,)."""
 
@@ -76,9 +82,7 @@ class Turn(_Motion):
     @property
     def unit_axis(self) -> np.ndarray:
         """The axis with length one."""
-        axis = np.array(self.axis)
-        axis = axis / np.abs(axis).max()
-        return axis / math.sqrt(math.fsum(axis * axis))
+        return _unit(self.axis)
 
 
 class Linear(Translation):
@@ -270,8 +274,7 @@ class Servo(Translation):
     @property
     def unit_axis(self) -> np.ndarray:
         """The axis with length one."""
-        axis = np.array(self.axis)
-        return axis / math.sqrt(math.fsum(axis * axis))
+        return _unit(self.axis)
 
     def way(self, time: np.ndarray) -> np.ndarray:
         """None, for where it goes only the run can tell; it starts at rest."""

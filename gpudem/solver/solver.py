@@ -392,7 +392,7 @@ class Solver:
         done = [self.step_count, self.neighbors.rebuilds, self._needs_rebuild]
         order = [self.params.block, *self.params.axes]
         if self._motion.servos:
-            stored["servo"] = np.array([path.state for path in self._motion.servos.values()])
+            stored["servo"] = np.array([[*s.state, *s.listed] for s in self._motion.servos.values()])
         stored["counts"] = np.array([*done, self.spec.half_list, *order], np.int64)
         if self._motion:
             stored["list_step"] = np.array(self._motion.list_step, np.int64)
@@ -420,7 +420,7 @@ class Solver:
             if array.size:
                 array.assign(saved[name])
         for path, row in zip(self._motion.servos.values(), saved.get("servo", ()), strict=True):
-            path.state[:] = row  # mutate: restart_servo
+            path.state[:], path.listed[:] = row[:-2], row[-2:]  # mutate: restart_servo
         self._set_walls(walls)
         # mutate: restart_counts
         self.step_count, self.neighbors.rebuilds, self._needs_rebuild = counts[0], counts[1], bool(counts[2])

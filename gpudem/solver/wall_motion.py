@@ -114,6 +114,8 @@ class WallMotion:
     def list_made(self, step: int) -> None:
         """A list was made for the places of `step`."""
         self.list_step, self._reached, self._beyond = step, step + self._sure, False
+        for path in self.servos.values():
+            path.list_made(step)
         self._at_list = self._marks_of_all(step) if self.servos else {}
 
     def steps_within(self, step: int, count: int) -> int:

@@ -236,15 +236,22 @@ class ServoPath:
         #: Of the last step done and of the next one: step, way [m] along the axis, velocity [m/s]; then the
         #: sum of e dt [s] and the last e.
         self.state = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.nan])
+        #: Of the step for which the list was made: step, way [m].
+        self.listed = np.array([-1.0, 0.0])
 
     def at(self, first: int, count: int) -> Poses:
         """Poses in the steps first .. first + count - 1, of which only those known are told apart."""
-        done = int(self.state[0])
-        way = np.where(np.arange(first, first + count) <= done, self.state[1], self.state[3])
-        speed = np.where(np.arange(first, first + count) <= done, self.state[2], self.state[4])
+        steps, done = np.arange(first, first + count), int(self.state[0])
+        way = np.where(steps <= done, self.state[1], self.state[3])
+        way = np.where(steps == self.listed[0], self.listed[1], way)
+        speed = np.where(steps <= done, self.state[2], self.state[4])
         axis, zero = self.servo.unit_axis, np.zeros((count, 3))
         rotation = np.broadcast_to(np.eye(3), (count, 3, 3))
         return Poses(rotation, way[:, None] * axis, speed[:, None] * axis, zero, zero)
+
+    def list_made(self, step: int) -> None:
+        """Keep the place in the step for which a list was made, also when later steps are done."""
+        self.listed[:] = step, self.at(step, 1).shift[0] @ self.servo.unit_axis
 
     def advance(self, step: int, force: np.ndarray) -> None:
         """Step `step` is done, with this force on the wall [N]: the velocity of the next one."""

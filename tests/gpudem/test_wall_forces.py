@@ -9,6 +9,8 @@ import gpudem
 from gpudem.errors import SceneError
 from gpudem.output.vtu import read_vtu_and_cells
 from gpudem.scene import Scene
+from gpudem.scene.motion import Servo
+from gpudem.walls.motion import ServoPath
 
 R, DT = 0.05, 2e-5
 FLAT = {
@@ -203,6 +205,20 @@ def test_frames_show_where_a_servo_has_moved_its_wall(tmp_path):
         points, _ = read_vtu_and_cells(tmp_path / "frames" / f"walls_{step:09d}.vtu")
         assert points["points"][-1, 2] == pytest.approx(2 * R + 1e-4 + way, abs=1e-15)
     assert abs(moved.iloc[-1]) > 1e-6
+
+
+def test_place_of_a_servo_when_its_list_was_made():
+    """Also once later steps are done, as after a restart: how far it has moved since then decides when the
+    list is made anew. Catches the last place taken for that of the list."""
+    servo = Servo(type="servo", axis=(0, 0, -2), target=40.0, velocity_limit=0.2, kp=1.0)
+    path = ServoPath(servo, DT)
+    for step in range(1, 6):
+        if step == 3:
+            path.list_made(step)
+        path.advance(step, np.zeros(3))
+    way = -0.2 * DT * np.arange(6)
+    assert path.at(3, 1).shift[0] == pytest.approx([0, 0, way[2]], abs=1e-15)
+    assert path.at(5, 2).shift[:, 2] == pytest.approx([way[4], way[5]], abs=1e-15)
 
 
 def _stop(sim) -> None:
