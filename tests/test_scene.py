@@ -329,6 +329,8 @@ def test_needs_only_what_is_there() -> None:
     assert not any(value for _, value in bare.needs)
     assert scene(walls=[FLOOR]).needs.gate is False
     full = scene(contact=Contact(rolling="cdt"))
+    sticky = [p.model_copy(update={"cohesion_energy_density": 1e3}) for p in smooth]
+    assert bare.replace(pairs=sticky, contact={"cohesion": "sjkr"}).needs.cohesion
     wanted = {n for n, v in full.needs if v}
     assert wanted == {"tangential", "history", "rolling", "rotation", "damping", "gravity", "walls", "gate"}
     assert scene(contact=Contact(tangential="no_history")).needs.history is False

@@ -99,7 +99,8 @@ def distributions(results: Results, plan: Plan, code: str, other: str) -> Measur
 def energy_defined(scene: Scene) -> bool:
     """Whether the energy balance can be computed from positions and velocities."""
     gravity, periodic = np.array(scene.gravity), np.array(scene.domain.periodic)
-    return not ((gravity != 0) & periodic).any() and not scene.needs.vibration and scene.contact_range == 0
+    potential = scene.contact_range == 0 and not scene.needs.cohesion
+    return not ((gravity != 0) & periodic).any() and not scene.needs.vibration and potential
 
 
 def conserved(scene: Scene) -> bool:

@@ -188,7 +188,7 @@ def laws_page() -> str:
     from gpudem.contact import registry
 
     text = ["# Contact laws by name\n", "From the registry that the scene asks.\n"]
-    for slot in ("normal", "tangential", "rolling"):
+    for slot in registry.SLOTS:
         text.append(f"## {slot}\n")
         for name in registry.names(slot):
             law = registry.find(slot, name)
@@ -196,19 +196,28 @@ def laws_page() -> str:
                 continue
             word = law.liggghts.word if law.liggghts else None
             reads = ", ".join(map(code, law.reads)) or "none"
+            further = "".join(f" Further key of `[[pairs]]`: {_parameter(p)}." for p in law.parameters)
             text += [
                 f"### `{name}`\n",
-                f"Keys that act: {reads}. LIGGGHTS: {code(word) if word else 'none'}.\n",
+                f"Keys that act: {reads}.{further} LIGGGHTS: {code(word) if word else 'none'}.\n",
                 f"```text\n{_docstring(law)}\n```\n",
             ]
     return "\n".join(text)
+
+
+def _parameter(p: Any) -> str:
+    """A parameter of a law: name, unit, default."""
+    default = "must be stated" if p.default is None else f"default {p.default:g}"
+    return f"{code(p.name)} [{p.unit}], {default}"
 
 
 def _docstring(law: Any) -> str:
     """The docstring of a law's device function, which holds the formula and its source."""
     import inspect
 
-    function = next(f for name, f in vars(law).items() if name in ("stiffness", "force", "torque"))
+    function = next(
+        f for name, f in vars(law).items() if name in ("stiffness", "force", "torque", "attraction")
+    )
     return inspect.cleandoc(function.func.__doc__ or "")
 
 

@@ -127,7 +127,7 @@ def main():
     parser.add_argument("--digits", type=int, default=17)
     args = parser.parse_args()
     scene = json.loads(args.scene.read_text())
-    laws = {scene["contact"][slot] for slot in ("normal", "tangential", "rolling")}
+    laws = {scene["contact"][slot] for slot in ("normal", "tangential", "rolling", "cohesion")}
     unable = laws - {"hertz", "history", "off"}
     unable |= {"vibration" for wall in scene["walls"] if wall["vibration"]}
     if unable or any(scene["domain"]["periodic"]):

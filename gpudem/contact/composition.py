@@ -6,6 +6,7 @@ from typing import Any
 import warp as wp
 
 from gpudem.contact import registry
+from gpudem.contact.names import LawNames
 
 
 @functools.cache
@@ -27,22 +28,29 @@ def mean_damping(normal: str) -> Any:
 
 
 @functools.cache
-def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, path: bool) -> Any:
-    """A function (contact, pair, spring, last, dt, step) -> (force [N], n x F_t [N], rolling [N m], spring).
+def contact_law(names: LawNames, limit_force: bool, reduce: bool, torsion: bool, path: bool) -> Any:
+    """A function (contact, pair, spring, last, dt, step)
+    -> (force [N], n x F_t [N], rolling [N m], spring [m], what is stored of the rolling torque [N m]).
 
     The force is that on i; the torques are -lever (n x F_t) - rolling on i and -lever_j (n x F_t) + rolling
     on j. `spring` [m] is that of the tangential law, `last` [N m] the rolling torque of the last step, of a
     law with history; dt is 0 at set-up, `step` the time step always. Slots that are "off" leave no code.
     Antisymmetric in i and j: both sides of a contact, computed separately, give opposite forces.
 
+    Cohesion is subtracted from the normal force; the limits of friction and rolling torque are of the normal
+    force without it, or with `reduce` of what is left.
+
     With `path` and dt > 0 the damping force is `mean_damping`.
     """
-    stiffness = registry.law("normal", normal).stiffness
-    damping_over_step = mean_damping(normal)
-    tangential_law: Any = registry.find("tangential", tangential)
-    rolling_law: Any = registry.find("rolling", rolling)
+    stiffness = registry.law("normal", names.normal).stiffness
+    damping_over_step = mean_damping(names.normal)
+    tangential_law: Any = registry.find("tangential", names.tangential)
+    rolling_law: Any = registry.find("rolling", names.rolling)
+    cohesion_law: Any = registry.find("cohesion", names.cohesion)
     tangential_force = tangential_law.force if tangential_law else None
-    rolling_torque_of = rolling_law.torque if rolling_law else None
+    rolling_torque_of = (rolling_law.with_torsion if torsion else rolling_law.torque) if rolling_law else None
+    damped = rolling_law is not None and rolling_law.damped
+    attraction = cohesion_law.attraction if cohesion_law else None
 
     @wp.func
     def law(c: Any, p: Any, spring: Any, last: Any, dt: Any, step: Any):
@@ -55,6 +63,11 @@ def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, p
         if wp.static(limit_force):
             fn = wp.max(fn, type(fn)(0.0))  # mutate: no_attraction
         force = fn * c.normal
+        if wp.static(attraction is not None):
+            left = fn - wp.static(attraction)(c, p)  # mutate: cohesion
+            force = left * c.normal
+            if wp.static(reduce):
+                fn = left  # mutate: tangential_reduce
         n_cross_ft = type(c.normal)()
         if wp.static(tangential_force is not None):
             ft, spring_new = wp.static(tangential_force)(c, p, kt, ct, fn, spring)  # mutate: tangential_law
@@ -63,9 +76,13 @@ def contact_law(normal: str, tangential: str, rolling: str, limit_force: bool, p
         else:
             spring_new = spring
         rolling_torque = type(c.normal)()
-        if wp.static(rolling_torque_of is not None):
+        stored = rolling_torque
+        if wp.static(damped):
+            rolling_torque, stored = wp.static(rolling_torque_of)(c, p, kn, kt, fn, last, step)
+        elif wp.static(rolling_torque_of is not None):
             rolling_torque = wp.static(rolling_torque_of)(c, p, kn, kt, fn, last, step)
-        return force, n_cross_ft, rolling_torque, spring_new
+            stored = rolling_torque
+        return force, n_cross_ft, rolling_torque, spring_new, stored
 
     return law
 

@@ -1,9 +1,9 @@
 """What a contact law is: one object that holds all that is known of it. No arrays, no neighbor list.
 
-A law fills one slot (normal, tangential, rolling). Its file holds the device function, the coefficients it
-needs from primary inputs, the parameters it reads from the scene, its time scales and its words in LIGGGHTS.
-`gpudem.contact.registry` finds laws by slot and name; other packages add theirs through the entry-point group
-`gpudem.laws`.
+A law fills one slot (normal, tangential, rolling, cohesion). Its file holds the device function, the
+coefficients it needs from primary inputs, the parameters it reads from the scene, its time scales and its
+words in LIGGGHTS. `gpudem.contact.registry` finds laws by slot and name; other packages add theirs through
+the entry-point group `gpudem.laws`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 if TYPE_CHECKING:
     from gpudem.scene.sections import Contact, Material, Pair
 
-Slot = Literal["normal", "tangential", "rolling"]
+Slot = Literal["normal", "tangential", "rolling", "cohesion"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,6 +36,17 @@ class Parameter:
     """None: must be stated."""
     where: Literal["pair", "contact"] = "pair"
 
+    def of(self, section: Pair | Contact) -> float:
+        """Its value in a section: as stated, or the default. Raises ValueError: missing."""
+        stated = (section.model_extra or {}).get(self.name, self.default)
+        if stated is None:
+            raise ValueError(f"{self.name}: missing [{self.unit}]")
+        return float(stated)
+
+    def or_zero(self, section: Pair | Contact) -> float:
+        """The same; 0 where it is missing, of a section in which the law does not act."""
+        return self.of(section) if self.name in (section.model_extra or {}) else self.default or 0.0
+
 
 @dataclasses.dataclass(frozen=True)
 class PairInputs:
@@ -48,11 +59,7 @@ class PairInputs:
 
     def value(self, parameter: Parameter) -> float:
         """A parameter that the law declares: as stated, or its default. Raises ValueError: missing."""
-        section = self.pair if parameter.where == "pair" else self.contact
-        stated = (section.model_extra or {}).get(parameter.name, parameter.default)
-        if stated is None:
-            raise ValueError(f"{parameter.name}: missing [{parameter.unit}]")
-        return float(stated)
+        return parameter.of(self.pair if parameter.where == "pair" else self.contact)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,7 +67,8 @@ class LiggghtsWords:
     """How a law is stated in a LIGGGHTS deck: its word, and the global properties that it reads, in order.
 
     Each property is (kind, name, value, filler): kind "per_material" with value(material), "per_pair" with
-    value(pair) and the filler of pairs that cannot touch, or "scalar" with value(contact).
+    value(pair) and the filler of pairs that cannot touch, "common" with value(pair), one number for all pairs
+    that have the law, or "scalar" with value(contact).
     """
 
     word: str
@@ -92,6 +100,8 @@ class Law:
 
     def missing(self, inputs: PairInputs) -> list[str]:
         """Names of the inputs of a pair that this law needs and that are not stated."""
+        if not self.acts(inputs):
+            return []
         stated = inputs.pair.model_extra or {}
         needed = [p for p in self.parameters if p.where == "pair" and p.default is None]
         return [p.name for p in needed if p.name not in stated]
@@ -152,12 +162,50 @@ class TangentialLaw(Law):
 class RollingLaw(Law):
     """Resisting torque [N m], subtracted from i and added to j.
 
-    torque(contact, pair, k_n, k_t, F_n, torque of the last step, dt) -> torque, a `wp.func`.
+    torque(contact, pair, k_n, k_t, F_n, torque of the last step, dt) -> torque, a `wp.func`; with `damped`
+    -> (torque, what is stored of it).
     """
 
     slot = "rolling"
     history: ClassVar[bool] = False
     """The torque is stored from step to step."""
+    damped: ClassVar[bool] = False
+    """A part of the torque is not stored."""
+    uses_inertia: ClassVar[bool] = False
+    """The law reads `inertia_eff` of a contact."""
 
-    def __init__(self, torque: Any):
+    def __init__(self, torque: Any, with_torsion: Any = None):
         self.torque = torque
+        self.with_torsion = with_torsion
+        """The same without the projection onto the tangent plane (`torsion`); None: there is none."""
+
+
+class CohesionLaw(Law):
+    """Attraction F_c [N] >= 0 of bodies that overlap, subtracted from the normal force.
+
+    attraction(contact, pair) -> F_c, a `wp.func`. The law may read `inverse_reach` of a contact. The limits
+    of friction and rolling torque leave F_c out, unless `tangential_reduce` of the contact is set.
+    """
+
+    slot = "cohesion"
+
+    def __init__(self, attraction: Any):
+        self.attraction = attraction
+
+
+#: What `sjkr` and `sjkr2` read of a pair, and its words in LIGGGHTS.
+DENSITY = Parameter("cohesion_energy_density", "J/m3", 0, default=0.0)
+DENSITY_WORDS = (("per_pair", "cohesionEnergyDensity", DENSITY.or_zero, 0.0),)
+
+
+class AreaCohesion(CohesionLaw):
+    """An attraction in proportion to an area: k of the pair is the cohesion energy density [J/m3]."""
+
+    parameters = (DENSITY,)
+    coefficients = ("cohesion",)
+
+    def acts(self, inputs: PairInputs) -> bool:  # noqa: D102
+        return inputs.value(DENSITY) > 0
+
+    def coefficients_of(self, inputs: PairInputs) -> dict[str, float]:  # noqa: D102
+        return {"cohesion": inputs.value(DENSITY)}

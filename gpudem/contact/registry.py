@@ -19,7 +19,7 @@ from gpudem.entry_points import load_entry_points
 from gpudem.errors import GpudemError
 
 GROUP = "gpudem.laws"
-SLOTS: tuple[Slot, ...] = ("normal", "tangential", "rolling")
+SLOTS: tuple[Slot, ...] = ("normal", "tangential", "rolling", "cohesion")
 #: The name of an empty slot.
 OFF = "off"
 
@@ -29,7 +29,8 @@ _registered: dict[tuple[str, str], Law] = {}
 def register(law: Law) -> None:
     """Add a law for this process. Raises GpudemError: not a law, or the name is taken by another one."""
     if not isinstance(law, Law) or getattr(law, "slot", None) not in SLOTS:
-        raise GpudemError(f"{law!r} is not a contact law: derive from NormalLaw, TangentialLaw or RollingLaw")
+        bases = "NormalLaw, TangentialLaw, RollingLaw or CohesionLaw"
+        raise GpudemError(f"{law!r} is not a contact law: derive from {bases}")
     key = (law.slot, law.name)
     known = _registered.get(key) or _built_in(*key)
     if law.name == OFF or (known is not None and known is not law):

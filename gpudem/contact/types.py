@@ -30,6 +30,8 @@ def contact_struct(real: Any) -> Any:
         overlap_minus_half: real  # overlap half a step before, at least 0 [m]; integrator "path" only
         overlap_plus_half: real  # overlap half a step ahead, at least 0 [m]; likewise
         lever: real  # R_i - overlap/2 [m], from the centre of i to the contact point
+        inverse_reach: real  # 1/(R_i + R_j) [1/m], 0 at a wall; for laws of cohesion only
+        inertia_eff: real  # 7/5 m R^2 of both as m* is of masses [kg m2]; for laws of rolling that read it
 
     return Contact
 

@@ -228,6 +228,11 @@ def _unsupported_features(scene: Scene, guard: float, tangential: float | None) 
             "pairs.rolling_friction: hard-sphere collisions are instantaneous and have no rolling friction;"
             " set contact.rolling = 'off'"
         )
+    if scene.needs.cohesion:
+        found.append(
+            "pairs.cohesion_energy_density: hard-sphere collisions are instantaneous and have no cohesion;"
+            " set contact.cohesion = 'off'"
+        )
     if scene.output.restart_every:
         found.append("output.restart_every: the event-driven engine writes no restart files; leave it out")
     for wall in scene.wall_elements:

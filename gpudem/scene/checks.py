@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gpudem.contact.law import RollingLaw
 from gpudem.errors import GpudemError
 from gpudem.scene import law_parameters, wall_checks
 from gpudem.scene.overlaps import MAX_START_OVERLAP, find_overlaps, lattice_within
@@ -126,12 +127,17 @@ def _pairs(scene: Scene) -> list[str]:
             if scene.pair(a, b) is None and (b not in ours or ours.index(a) <= ours.index(b)):
                 found.append(f"pairs: {a} / {b} can meet, and no pair gives their restitution and friction")
     for names, inputs in scene.contact_groups.items() if scene.materials else ():
-        law = names.normal_law
-        for pair in inputs:
-            if missing := law.missing(pair):
+        for law in names.laws:
+            for pair in inputs:
+                if missing := law.missing(pair):
+                    found.append(
+                        f"pairs: {' / '.join(pair.pair.materials)}: {law.name} needs {', '.join(missing)}"
+                    )
+            if isinstance(law, RollingLaw) and scene.contact.torsion and law.with_torsion is None:
                 found.append(
-                    f"pairs: {' / '.join(pair.pair.materials)}: {law.name} needs {', '.join(missing)}"
+                    f"contact.torsion = true: contact.rolling = {law.name!r} has no twisting friction"
                 )
+        law = names.normal_law
         if "characteristic_velocity" in law.reads and scene.contact.characteristic_velocity is None:
             found.append(f"contact.characteristic_velocity: missing; {law.name} needs it [m/s]")
     return found or _ranges(scene)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from gpudem.contact import registry
 from gpudem.contact.law import Parameter
 from gpudem.scene.files import nearest
 from gpudem.scene.laws import stated_laws
@@ -31,11 +32,22 @@ def problems(scene: Scene) -> list[str]:
     return found
 
 
+def _laws_with(name: str) -> str:
+    """The laws that read a parameter, as `contact.SLOT = 'LAW'`; empty: none."""
+    laws = [
+        registry.law(slot, law) for slot in registry.SLOTS for law in registry.names(slot) if law != "off"
+    ]
+    found = [law for law in laws if name in [p.name for p in law.parameters]]
+    return " or ".join(f"contact.{law.slot} = {law.name!r}" for law in found)
+
+
 def _section(key: str, section: Model, declared: list[Parameter]) -> list[str]:
     found, known = [], {p.name: p for p in declared}
     for name, value in (section.model_extra or {}).items():
         if name not in known:
-            found.append(f"{key}.{name}: unknown key{nearest(name, [*type(section).model_fields, *known])}")
+            others = _laws_with(name)
+            why = f"unknown key{nearest(name, [*type(section).model_fields, *known])}"
+            found.append(f"{key}.{name}: {f'read only with {others}' if others else why}")
             continue
         p = known[name]
         try:

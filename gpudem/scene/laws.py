@@ -3,45 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from gpudem.contact import registry
-from gpudem.contact.law import Law, NormalLaw, PairInputs, RollingLaw, TangentialLaw
+from gpudem.contact.law import PairInputs
+from gpudem.contact.names import LawNames
 
 if TYPE_CHECKING:
     from gpudem.scene.model import Scene
     from gpudem.scene.walls import Wall
-
-
-class LawNames(NamedTuple):
-    """One law for each slot; "off": an empty one."""
-
-    normal: str
-    tangential: str
-    rolling: str
-
-    @property
-    def laws(self) -> tuple[Law, ...]:
-        """The laws themselves, in order of the slots."""
-        found = (registry.find(slot, name) for slot, name in zip(registry.SLOTS, self, strict=True))
-        return tuple(law for law in found if law is not None)
-
-    @property
-    def normal_law(self) -> NormalLaw:
-        """The normal law."""
-        return registry.law("normal", self.normal)
-
-    @property
-    def history(self) -> bool:
-        """The tangential law stores a spring from step to step."""
-        law = registry.find("tangential", self.tangential)
-        return isinstance(law, TangentialLaw) and law.history
-
-    @property
-    def rolling_history(self) -> bool:
-        """The rolling law stores a torque from step to step."""
-        law = registry.find("rolling", self.rolling)
-        return isinstance(law, RollingLaw) and law.history
 
 
 def stated_laws(scene: Scene, wall: Wall | None = None) -> LawNames:
@@ -78,14 +48,18 @@ def _meet(materials: tuple[str, str], ours: Collection[str], partners: Collectio
 
 
 def acting(names: LawNames, inputs: Collection[PairInputs]) -> LawNames:
-    """Of stated laws those that act in a contact: a slot without friction in any of its pairs is empty."""
+    """Of stated laws those that act in a contact: a slot that acts in none of its pairs is empty."""
     shear, roll = registry.find("tangential", names.tangential), registry.find("rolling", names.rolling)
+    pull = registry.find("cohesion", names.cohesion)
     # mutate: needs_tangential
     tangential = shear is not None and any(shear.acts(pair) for pair in inputs)
     # mutate: needs_rolling
     rolling = roll is not None and any(roll.acts(pair) for pair in inputs)
+    # mutate: needs_cohesion
+    cohesion = pull is not None and any(pull.acts(pair) for pair in inputs)
     return LawNames(
         names.normal,
         names.tangential if tangential else registry.OFF,
         names.rolling if rolling else registry.OFF,
+        names.cohesion if cohesion else registry.OFF,
     )

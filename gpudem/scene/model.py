@@ -21,14 +21,15 @@ from pydantic import BaseModel, Field, ValidationError
 
 from gpudem.contact import registry
 from gpudem.contact.law import Law, NormalLaw, PairInputs
+from gpudem.contact.names import LawNames
 from gpudem.errors import SceneError
 from gpudem.scene import checks, files, laws, overlaps, time_step
-from gpudem.scene.laws import LawNames
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.motion import Servo
 from gpudem.scene.packing import InitialState, lattice
 from gpudem.scene.particle_files import ParticleFile, read_particles
 from gpudem.scene.sections import (
+    LATER_OF_CONTACT,
     OF_MESHES,
     Contact,
     Domain,
@@ -58,9 +59,13 @@ def _stated(wall: Wall, digest: Any) -> dict[str, Any]:
     Of a mesh the triangles in place, however they are stated.
     """
     later = (*LATER_KEYS, "removed_at") if isinstance(wall, Box) else LATER_KEYS
-    found = {k: v for k, v in wall.model_dump().items() if k not in later or v not in (None, ())}
+    found: dict[str, Any] = {
+        k: v for k, v in wall.model_dump().items() if k not in later or v not in (None, ())
+    }
     if isinstance(wall, Mesh):
         found = {k: v for k, v in found.items() if k in Wall.model_fields} | {"corners": wall.corners}
+    if found.get("contact") and found["contact"]["cohesion"] is None:
+        found["contact"] = {k: v for k, v in found["contact"].items() if k != "cohesion"}
     return {k: _hashed(v, digest) for k, v in found.items()}
 
 
@@ -189,6 +194,7 @@ class Scene(Model):
         data["walls"] = [_stated(wall, digest) for wall in self.walls]
         if not self.output.wall_forces:
             del data["output"]["wall_forces"]
+        data["contact"] = {k: v for k, v in data["contact"].items() if (k, v) not in LATER_OF_CONTACT.items()}
         if not self.meshes:
             data["contact"] = {k: v for k, v in data["contact"].items() if k not in OF_MESHES}
         arrays = {k: v for k, v in data["particles"].items() if isinstance(v, np.ndarray)}
@@ -376,6 +382,7 @@ class Scene(Model):
             periodic=any(self.domain.periodic),
             several_materials=len(self.particle_materials) > 1,
             several_radii=bool(np.ptp(state.radius) > 0),
+            cohesion=any(names.cohesion != registry.OFF for names in acting),
         )
 
     @property

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gpudem.scene.laws import LawNames, stated_laws
+from gpudem.contact.law import Slot
+from gpudem.contact.names import LawNames
+from gpudem.scene.laws import stated_laws
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.mesh_repair import oddities
 from gpudem.scene.round_walls import Cylinder
@@ -58,8 +60,16 @@ def _read_by_laws(groups: Iterable[LawNames]) -> set[str]:
     return {key for names in groups for law in names.laws for key in law.reads}
 
 
+def _parameters(groups: Iterable[LawNames]) -> dict[str, Slot]:
+    """The further keys of pairs that these laws read -> the slot of the law."""
+    laws = (law for names in groups for law in names.laws)
+    return {p.name: law.slot for law in laws for p in law.parameters if p.where == "pair"}
+
+
 #: Key of a pair -> the slot of the laws that may read it; all others belong to the normal law.
 _SLOT = {"friction": "tangential", "rolling_friction": "rolling"}
+#: Slot -> the key of a pair without which its laws do not act.
+_ACTS_BY = {"tangential": "friction", "rolling": "rolling_friction", "cohesion": "cohesion_energy_density"}
 
 
 def _pairs(scene: Scene) -> Iterator[str]:
@@ -86,6 +96,10 @@ def _unread(scene: Scene, pair: Pair) -> Iterator[tuple[tuple[str, ...], str]]:
     for key, field in type(pair).model_fields.items():
         if key != "materials" and getattr(pair, key) != field.default and key not in read:
             unread.setdefault(_SLOT.get(key, "normal"), []).append(key)
+    known, here = _parameters(scene.contact_groups), _parameters(groups)
+    for key in pair.model_extra or {}:
+        if key in known and key not in here:
+            unread.setdefault(known[key], []).append(key)
     for slot, keys in unread.items():
         yield tuple(keys), f"with contact.{slot} = {getattr(groups[0], slot)!r}"
     if pair.friction > 0 and "friction" in read:
@@ -115,6 +129,12 @@ def _contact(scene: Scene) -> Iterator[str]:
     frictionless = not any(pair.friction > 0 for pair in scene.contact_pairs)
     if "rolling_friction" in _read_by_laws([stated_laws(scene)]) and scene.acting_laws.rolling == "off":
         yield f"contact.rolling = {contact.rolling!r}: no effect, no pair has rolling_friction"
+    if _ACTS_BY["cohesion"] in _parameters([stated_laws(scene)]) and scene.acting_laws.cohesion == "off":
+        yield f"contact.cohesion = {contact.cohesion!r}: no effect, no pair has {_ACTS_BY['cohesion']}"
+    if contact.tangential_reduce and not needs.cohesion:
+        yield "contact.tangential_reduce = true: no effect without cohesion"
+    if contact.torsion and not needs.rolling:
+        yield "contact.torsion = true: no effect without rolling friction"
     if contact.limit_force and not needs.damping and scene.contact_range == 0:
         yield "contact.limit_force = true: no effect, a normal force without damping does not attract"
     if not contact.tangential_damping and (frictionless or "tangential_damping" not in read):
@@ -138,7 +158,7 @@ def _laws_of_walls(scene: Scene) -> Iterator[str]:
             yield f"walls: {wall.name}.contact: {text}: no effect, so it is in [contact]"
         elif own:
             acting = scene.wall_laws.get(wall.name, scene.acting_laws)
-            for slot, key in (("tangential", "friction"), ("rolling", "rolling_friction")):
+            for slot, key in _ACTS_BY.items():
                 if slot in own and getattr(names, slot) != getattr(acting, slot):
                     yield f"walls: {wall.name}.contact.{slot} = {own[slot]!r}: no effect, no pair has {key}"
 

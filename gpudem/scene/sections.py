@@ -38,6 +38,8 @@ from gpudem.scene.types import (
     vector,
 )
 
+#: Keys of `[contact]` that a hash leaves out at their default: older scenes keep their hash.
+LATER_OF_CONTACT = {"cohesion": "off", "tangential_reduce": False, "torsion": False}
 #: Keys of `[contact]` that have no effect without meshes.
 OF_MESHES = ("mesh_contacts", "merge_angle", "mesh_curvature")
 #: Particles of a scene at most: the neighbor search numbers 24 candidates of each with 32-bit integers.
@@ -71,14 +73,16 @@ class Pair(Model):
     """Coulomb friction mu [1]."""
     rolling_friction: Annotated[float, number("1", 0)] = 0.0
     """Rolling friction mu_r [1]."""
-    kn: Annotated[float, number("N/m2", 0)] | None = None
-    """Normal stiffness constant of `hertz/stiffness`: k_n = kn sqrt(R* overlap) [N/m2]."""
-    kt: Annotated[float, number("N/m2", 0)] | None = None
-    """Tangential stiffness constant of `hertz/stiffness` [N/m2]."""
-    gamma_n: Annotated[float, number("1/(m s)", 0)] | None = None
-    """Normal damping constant of `hertz/stiffness`: c_n = gamma_n m* sqrt(R* overlap) [1/(m s)]."""
-    gamma_t: Annotated[float, number("1/(m s)", 0)] | None = None
-    """Tangential damping constant of `hertz/stiffness` [1/(m s)]."""
+    kn: Annotated[float, number("N/m2, hooke/stiffness N/m", 0)] | None = None
+    """Normal stiffness constant of `hertz/stiffness`: k_n = kn sqrt(R* overlap) [N/m2]; of `hooke/stiffness`:
+    k_n = kn [N/m]."""
+    kt: Annotated[float, number("N/m2, hooke/stiffness N/m", 0)] | None = None
+    """Tangential stiffness constant of `hertz/stiffness` [N/m2], of `hooke/stiffness` [N/m]."""
+    gamma_n: Annotated[float, number("1/(m s), hooke/stiffness 1/s", 0)] | None = None
+    """Normal damping constant of `hertz/stiffness`: c_n = gamma_n m* sqrt(R* overlap) [1/(m s)]; of
+    `hooke/stiffness`: c_n = gamma_n m* [1/s]."""
+    gamma_t: Annotated[float, number("1/(m s), hooke/stiffness 1/s", 0)] | None = None
+    """Tangential damping constant of `hertz/stiffness` [1/(m s)], of `hooke/stiffness` [1/s]."""
 
 
 class Contact(Model):
@@ -90,13 +94,20 @@ class Contact(Model):
     model_config = ConfigDict(extra="allow")
 
     normal: Annotated[str, law_name("normal")] = "hertz"
-    """hertz, hertz/stiffness, hooke, or a law of another package."""
+    """hertz, hertz/stiffness, hooke, hooke/stiffness, or a law of another package."""
     tangential: Annotated[str, law_name("tangential")] = "history"
     """off, no_history, history, or a law of another package."""
     rolling: Annotated[str, law_name("rolling")] = "off"
-    """off, cdt, epsd2, or a law of another package."""
+    """off, cdt, epsd, epsd2, epsd3, or a law of another package."""
+    cohesion: Annotated[str, law_name("cohesion")] = "off"
+    """off, sjkr, sjkr2, or a law of another package."""
     limit_force: Flag = False
     """Clip the normal force at zero (no attraction late in a rebound)."""
+    tangential_reduce: Flag = False
+    """The limits of friction and rolling torque are of the normal force with cohesion; else they leave it
+    out."""
+    torsion: Flag = False
+    """The rolling law resists the relative spin along the normal too (twisting friction)."""
     tangential_damping: Flag = True
     """Tangential dashpot; with `no_history` it is the whole tangential force."""
     frictionless_dashpot: Flag = False
@@ -299,3 +310,4 @@ class Needs(Model):
     periodic: bool
     several_materials: bool
     several_radii: bool
+    cohesion: bool

@@ -50,6 +50,8 @@ class WallContact(Model):
     """Tangential law at this wall; default: that of the scene."""
     rolling: Annotated[str, law_name("rolling")] | None = None
     """Rolling law at this wall; default: that of the scene."""
+    cohesion: Annotated[str, law_name("cohesion")] | None = None
+    """Law of cohesion at this wall; default: that of the scene."""
 
 
 class Wall(Model):

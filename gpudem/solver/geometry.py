@@ -106,6 +106,12 @@ def contact_geometry(spec: Spec) -> SimpleNamespace:
             c.mass_eff = mi * mj / (mi + mj)  # mutate: effective_mass
         else:
             c.mass_eff = real(0.5) * mi  # mutate: effective_mass_equal
+        if wp.static(spec.cohesion != "off"):
+            c.inverse_reach = real(1.0) / (ri + rj)  # mutate: inverse_reach
+        if wp.static(spec.rolling_inertia):
+            inertia_i, inertia_j = mi * ri * ri, mj * rj * rj
+            # mutate: effective_inertia
+            c.inertia_eff = real(1.4) * (inertia_i * inertia_j / (inertia_i + inertia_j))
         return c
 
     @wp.func
@@ -118,6 +124,8 @@ def contact_geometry(spec: Spec) -> SimpleNamespace:
         c.mass_eff = mass  # mutate: wall_effective_mass
         if wp.static(spec.rotation):  # the gap is far above the bound unless a guard was waived
             c.spin = (c.lever / real(wp.max(gap, wide(0.01) * radius))) * to_real(w)  # mutate: wall_spin
+        if wp.static(spec.rolling_inertia):
+            c.inertia_eff = real(1.4) * mass * c.radius_eff * c.radius_eff  # mutate: wall_inertia
         return c
 
     return SimpleNamespace(sphere_contact=sphere_contact, wall_contact=wall_contact)
@@ -129,7 +137,7 @@ def contact_procedure(spec: Spec) -> SimpleNamespace:
 
     resolve(contact, relative velocity of the centres half a step behind and ahead, angular velocities of i
     and j likewise, lever of j, pair, spring, last rolling torque, dt, step)
-    -> (force on i, n x F_t, spring and rolling torque after the step); the torque on i is
+    -> (force on i, n x F_t, spring after the step, rolling torque, what is stored of it); the torque on i is
     -(lever (n x F_t) + rolling torque), that on j is rolling torque - lever_j (n x F_t).
     damping_apart(contact, velocities likewise, pair, dt) -> force on i, of bodies that do not overlap at the
     step itself (integrator "path").
@@ -138,7 +146,9 @@ def contact_procedure(spec: Spec) -> SimpleNamespace:
     real, vec3, wide3 = t.real, t.vec3, t.wide3
     Contact = contact_struct(real)
     to_real = conversions(spec.precision).to_real
-    law = contact_law(spec.normal, spec.tangential, spec.rolling, spec.limit_force, spec.path)
+    law = contact_law(
+        spec.law_names[0], spec.limit_force, spec.tangential_reduce, spec.torsion, spec.path
+    )  # fmt: skip
     damping = damping_force(spec.normal, spec.limit_force)
 
     @wp.func
@@ -180,8 +190,8 @@ def contact_procedure(spec: Spec) -> SimpleNamespace:
         if wp.static(spec.path):
             v_point_next = contact_point_velocity(c, v_next, w_i_next, w_j_next, lever_j)
         c = set_relative_motion(c, v_point, v_point_next, dt)
-        force, n_cross_ft, rolling, spring_new = law(c, pair, spring, last, dt, step)
-        return force, n_cross_ft, spring_new, rolling
+        force, n_cross_ft, rolling, spring_new, stored = law(c, pair, spring, last, dt, step)
+        return force, n_cross_ft, spring_new, rolling, stored
 
     @wp.func
     def damping_apart(c: Contact, v: wide3, v_next: wide3, pair: Any, dt: real):
@@ -223,15 +233,15 @@ def _resolve_by_law(precision: str, procedures: list[Any], index: int) -> Any:
     ):  # fmt: skip
         if wp.static(not last_one):
             if walls.law[wall] != wp.static(index):  # mutate: law_of_wall
-                f, n_cross_ft, spring_new, rolling = rest(
+                f, n_cross_ft, spring_new, rolling, stored = rest(
                     c, v, v_next, w_i, w_i_next, w_j, w_j_next, lever_j, pair, spring, last, dt, step,
                     walls, wall,
                 )  # fmt: skip
-                return f, n_cross_ft, spring_new, rolling
-        f, n_cross_ft, spring_new, rolling = here(
+                return f, n_cross_ft, spring_new, rolling, stored
+        f, n_cross_ft, spring_new, rolling, stored = here(
             c, v, v_next, w_i, w_i_next, w_j, w_j_next, lever_j, pair, spring, last, dt, step
         )
-        return f, n_cross_ft, spring_new, rolling
+        return f, n_cross_ft, spring_new, rolling, stored
 
     return resolve
 

@@ -17,11 +17,11 @@ import numpy as np
 import warp as wp
 
 from gpudem.contact.coefficients import pair_coefficients
+from gpudem.contact.names import LawNames
 from gpudem.errors import SimulationError
 from gpudem.output.view import WallLoad
 from gpudem.output.vtu import Frame
 from gpudem.scene import Scene
-from gpudem.scene.laws import LawNames
 from gpudem.scene.walls import Wall
 from gpudem.solver import guards
 from gpudem.solver.device import compile_kernels, find_device

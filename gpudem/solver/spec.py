@@ -6,8 +6,8 @@ import dataclasses
 from typing import TYPE_CHECKING
 
 from gpudem.contact.coefficients import coefficient_names
-from gpudem.contact.law import Law
-from gpudem.scene.laws import LawNames
+from gpudem.contact.law import Law, RollingLaw
+from gpudem.contact.names import LawNames
 from gpudem.scene.size_classes import class_radii
 
 if TYPE_CHECKING:
@@ -23,6 +23,11 @@ class Spec:
     tangential: str = "off"
     """Name of a tangential law, or "off"."""
     rolling: str = "off"
+    cohesion: str = "off"
+    tangential_reduce: bool = False
+    """The limits of friction and rolling torque count with cohesion."""
+    torsion: bool = False
+    """Rolling laws resist the spin along the normal too."""
     wall_laws: tuple[LawNames, ...] = ()
     """The laws of walls that have others than particles."""
     limit_force: bool = False
@@ -60,6 +65,8 @@ class Spec:
             precision=scene.solver.precision,
             **scene.acting_laws._asdict(),
             wall_laws=tuple(dict.fromkeys(scene.wall_laws.values())),
+            tangential_reduce=scene.contact.tangential_reduce and needs.cohesion,
+            torsion=scene.contact.torsion and needs.rolling,
             limit_force=scene.contact.limit_force,
             # without damping or friction no force depends on velocity: both integrators are the same
             integrator=scene.solver.integrator if needs.damping or needs.tangential else "half_step",
@@ -100,7 +107,7 @@ class Spec:
     @property
     def law_names(self) -> tuple[LawNames, ...]:
         """The laws between particles, and those of walls that have others."""
-        return (LawNames(self.normal, self.tangential, self.rolling), *self.wall_laws)
+        return (LawNames(self.normal, self.tangential, self.rolling, self.cohesion), *self.wall_laws)
 
     @property
     def coefficients(self) -> tuple[str, ...]:
@@ -131,6 +138,12 @@ class Spec:
     def rolling_history(self) -> bool:
         """Rolling torques are stored from step to step."""
         return any(names.rolling_history for names in self.law_names)
+
+    @property
+    def rolling_inertia(self) -> bool:
+        """A rolling law reads `inertia_eff` of contacts."""
+        laws = (law for names in self.law_names for law in names.laws)
+        return any(isinstance(law, RollingLaw) and law.uses_inertia for law in laws)
 
     @property
     def contact_history(self) -> bool:

@@ -395,7 +395,7 @@ def step_kernel(spec: Spec) -> Any:
                 v_rel_next, w_j_next = v_next - velocity_ahead(now, j, mode), spin_ahead(now, j, mode)
             if wp.static(spec.rotation):
                 c.spin = to_real(w - w_j)
-            f, n_cross_ft, spring, rolling = resolve(
+            f, n_cross_ft, spring, rolling, stored = resolve(
                 c, v_rel, v_rel_next, w, w_next, w_j, w_j_next, lever_j,
                 pair_of(params, particles, laws, material, j), spring_of(particles, k, entry),
                 rolling_of(particles, k, entry), dt, params.dt,
@@ -404,7 +404,7 @@ def step_kernel(spec: Spec) -> Any:
             torque -= c.lever * n_cross_ft + rolling  # mutate: pair_torque
             torque_j = rolling - lever_j * n_cross_ft  # mutate: partner_torque
             contacts += 1 + add_to_partner(particles, i, j, block_end, f, torque_j)
-            store(particles, k, entry, j, spring, rolling, mode)
+            store(particles, k, entry, j, spring, stored, mode)
 
         if wp.static(spec.has_walls):
             decide_on_triangles(params, walls, particles, launch, i, x, radius, first_wall, last)
@@ -432,7 +432,7 @@ def step_kernel(spec: Spec) -> Any:
                     continue
                 c = wall_contact(gap, normal, radius, mass, w)
                 # mutate: wall_forces
-                f, n_cross_ft, spring, rolling = resolve_at_wall(
+                f, n_cross_ft, spring, rolling, stored = resolve_at_wall(
                     c, v - v_wall, v_next - v_wall, w, w_next, wide3(), wide3(), real(0.0), wall_pair,
                     spring_of(particles, k, entry), rolling_of(particles, k, entry), dt, params.dt,
                     walls, wall,
@@ -441,7 +441,7 @@ def step_kernel(spec: Spec) -> Any:
                 torque -= c.lever * n_cross_ft + rolling  # mutate: wall_torque
                 contacts += 2  # those of particles count at both  # mutate: wall_contact_count
                 act(params, walls, particles, launch, mode, k, wall, i, f, -rolling, point, v_wall)
-                store(particles, k, entry, other, spring, rolling, mode)
+                store(particles, k, entry, other, spring, stored, mode)
 
         if wp.static(spec.gravity):
             force += mass * params.gravity  # mutate: gravity

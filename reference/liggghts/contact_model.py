@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 from gpudem.contact import registry
 from gpudem.contact.law import Law, LiggghtsWords
+from gpudem.contact.names import LawNames
 from gpudem.scene import Pair, Scene
-from gpudem.scene.laws import LawNames, stated_laws
+from gpudem.scene.laws import stated_laws
 from gpudem.scene.walls import Wall
 
 
@@ -31,6 +32,8 @@ def model(scene: Scene, wall: Wall | None = None) -> str:
         tangential = "no_history"
     if tangential != registry.OFF:
         words += ["tangential", words_of(registry.law("tangential", tangential)).word]
+    if names.cohesion != registry.OFF:  # LIGGGHTS wants it before the rolling friction
+        words += ["cohesion", words_of(registry.law("cohesion", names.cohesion)).word]
     if names.rolling != registry.OFF:
         words += ["rolling_friction", words_of(registry.law("rolling", names.rolling)).word]
     return " ".join(words)
@@ -51,6 +54,10 @@ def switches(scene: Scene, wall: Wall | None = None) -> str:
     words = ["limitForce on"] if scene.contact.limit_force else []
     if laws_of(scene, wall).tangential != registry.OFF and not scene.contact.tangential_damping:
         words.append("tangential_damping off")
+    if laws_of(scene, wall).cohesion != registry.OFF and scene.contact.tangential_reduce:
+        words.append("tangential_reduce on")
+    if laws_of(scene, wall).rolling != registry.OFF and scene.contact.torsion:
+        words.append("torsionTorque on")
     return " ".join(words)
 
 
@@ -76,6 +83,9 @@ def properties(scene: Scene) -> list[tuple[str, str]]:
                 per_type(name, value)
             elif kind == "per_pair":
                 per_pair(name, value, filler)
+            elif kind == "common":
+                stated = [value(pair) for pair in pairs_of(scene, law)]
+                found.append((name, f"scalar {max(stated)!r}"))
             else:
                 found.append((name, f"scalar {value(scene.contact)!r}"))
 
@@ -83,10 +93,17 @@ def properties(scene: Scene) -> list[tuple[str, str]]:
     for names in groups:
         of_law(names.normal_law)
     per_pair("coefficientFriction", lambda p: p.friction if scene.needs.tangential else 0.0, 0.0)
-    for name in {names.rolling: None for names in groups}:
-        if name != registry.OFF:
-            of_law(registry.law("rolling", name))
+    for slot in ("cohesion", "rolling"):
+        for name in {getattr(names, slot): None for names in groups}:
+            if name != registry.OFF:
+                of_law(registry.law(slot, name))
     return list(dict(found).items())  # several laws read the same ones
+
+
+def pairs_of(scene: Scene, law: Law) -> list[Pair]:
+    """The pairs in whose contacts a law acts."""
+    groups = scene.contact_groups.items()
+    return [p.pair for names, inputs in groups if law in names.laws for p in inputs if law.acts(p)]
 
 
 def _pair_value(scene: Scene, a: str, b: str, value: Callable[[Pair], float], filler: float) -> float:

@@ -9,7 +9,7 @@ from gpudem.scene.laws import acting
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.motion import Servo
 from gpudem.scene.walls import Wall
-from reference.liggghts.contact_model import laws_of
+from reference.liggghts.contact_model import laws_of, pairs_of
 from reference.liggghts.errors import LiggghtsCannotState
 from reference.liggghts.walls import MOTIONS, same_meshes
 
@@ -17,6 +17,8 @@ from reference.liggghts.walls import MOTIONS, same_meshes
 MIN_RESTITUTION = 0.05
 #: LIGGGHTS: `ERROR: characteristicVelocity >= 1e-2 required for SI units` [m/s].
 MIN_CHARACTERISTIC_VELOCITY = 0.01
+#: LIGGGHTS: `rollingStiffness` below 1 is refused in SI units [1].
+MIN_ROLLING_STIFFNESS = 1.0
 
 
 def warnings(scene: Scene) -> list[str]:
@@ -97,6 +99,19 @@ def _laws(scene: Scene) -> Iterator[str]:
     for law in scene.laws:
         if law.liggghts is None:
             yield f"contact.{law.slot} = {law.name!r}: LIGGGHTS has no such law"
+            continue
+        for kind, _, value, _ in law.liggghts.properties:
+            stated = sorted({value(pair) for pair in pairs_of(scene, law)}) if kind == "common" else []
+            if len(stated) > 1:
+                yield (
+                    f"pairs.{law.parameters[-1].name}: {', '.join(f'{s:g}' for s in stated)} with"
+                    f" contact.{law.slot} = {law.name!r}: LIGGGHTS has one number for all pairs"
+                )
+            elif stated and stated[0] < MIN_ROLLING_STIFFNESS:
+                yield (
+                    f"pairs.{law.parameters[-1].name} = {stated[0]:g}: LIGGGHTS wants at least"
+                    f" {MIN_ROLLING_STIFFNESS:g}"
+                )
 
 
 def _plane(plane: Plane) -> Iterator[str]:

@@ -74,13 +74,13 @@ class PairFacts(BaseModel):
     rolling_friction: float
     """Rolling friction mu_r [1]."""
     kn: float | None = None
-    """Of `hertz/stiffness` [N/m2]."""
+    """Of `hertz/stiffness` [N/m2] or `hooke/stiffness` [N/m]."""
     kt: float | None = None
-    """Of `hertz/stiffness` [N/m2]."""
+    """Of `hertz/stiffness` [N/m2] or `hooke/stiffness` [N/m]."""
     gamma_n: float | None = None
-    """Of `hertz/stiffness` [1/(m s)]."""
+    """Of `hertz/stiffness` [1/(m s)] or `hooke/stiffness` [1/s]."""
     gamma_t: float | None = None
-    """Of `hertz/stiffness` [1/(m s)]."""
+    """Of `hertz/stiffness` [1/(m s)] or `hooke/stiffness` [1/s]."""
 
 
 class ContactFacts(BaseModel):
@@ -89,11 +89,17 @@ class ContactFacts(BaseModel):
     model_config = ConfigDict(extra="allow", use_attribute_docstrings=True, frozen=True)
 
     normal: str
-    """hertz, hertz/stiffness, hooke, or another."""
+    """hertz, hertz/stiffness, hooke, hooke/stiffness, or another."""
     tangential: str
     """off, no_history, history, or another."""
     rolling: str
-    """off, cdt, epsd2, or another."""
+    """off, cdt, epsd, epsd2, epsd3, or another."""
+    cohesion: str = "off"
+    """off, sjkr, sjkr2, or another."""
+    tangential_reduce: bool = False
+    """The limits of friction and rolling torque are of the normal force with cohesion."""
+    torsion: bool = False
+    """The rolling law resists the relative spin along the normal too."""
     limit_force: bool
     """The normal force is clipped at zero."""
     tangential_damping: bool

@@ -30,7 +30,8 @@ MATERIALS = {
     "floor": {"young": 2e7, "poisson": 0.3, "density": 1000.0},
     "slope": {"young": 6e6, "poisson": 0.25, "density": 1000.0},
 }
-#: (materials, restitution, friction, kn, kt, gamma_n, gamma_t); the last four for hertz/stiffness.
+#: (materials, restitution, friction, kn, kt, gamma_n, gamma_t); the last four for hertz/stiffness;
+#: times ROOT, and the damping twelve times that, for hooke/stiffness.
 PAIRS = (
     (("soft", "soft"), 0.5, 0.1, 4e6, 3e6, 3e5, 2e5),
     (("soft", "heavy"), 0.7, 0.15, 5e6, 4e6, 2e5, 3e5),
@@ -40,6 +41,8 @@ PAIRS = (
     (("soft", "slope"), 0.8, 0.1, 5e6, 4e6, 1e5, 2e5),
     (("heavy", "heavy"), 0.8, 0.1, 8e6, 6e6, 1e5, 1e5),
 )
+#: sqrt(R* overlap) of these impacts, about [m].
+ROOT = 5e-4
 #: Kind of impact -> (material, radius) of the first, of the second or the name of a plane.
 KINDS: dict[str, tuple[tuple[str, float], tuple[str, float] | str]] = {
     "equal spheres": (("soft", 0.003), ("soft", 0.003)),
@@ -66,8 +69,9 @@ def impacts(steps: int, slide: float, contact: dict[str, Any], **more: Any) -> S
     pairs = []
     for names, e, mu, *values in PAIRS:
         pair = {"materials": names, "restitution": e, "friction": mu}
-        if contact.get("normal") == "hertz/stiffness":
-            pair |= dict(zip(("kn", "kt", "gamma_n", "gamma_t"), values, strict=True))
+        if "stiffness" in contact.get("normal", ""):
+            scale = np.ones(4) if contact["normal"] == "hertz/stiffness" else ROOT * np.array([1, 1, 12, 12])
+            pair |= dict(zip(("kn", "kt", "gamma_n", "gamma_t"), (scale * values).tolist(), strict=True))
         pairs.append(pair | given)
     rows: list[tuple[str, float, np.ndarray, np.ndarray]] = []
     for k, kind in enumerate(KINDS):

@@ -13,7 +13,7 @@ from gpudem.driver import simulate
 from gpudem.output.run import TRACE_COLUMNS
 from gpudem.scene import Scene
 from tests.reference.emulator import emulate
-from tests.reference.scenes import BALL, FLOOR, STIFFNESS, WALL, R
+from tests.reference.scenes import BALL, FLOOR, LINEAR_STIFFNESS, STIFFNESS, WALL, R
 
 LIGHT = {**BALL, "young": 8e6, "density": 900.0}
 ALL = (("a", "a"), ("a", "b"), ("b", "b"), ("a", "wall"), ("b", "wall"))
@@ -81,10 +81,26 @@ def test_rolling_friction_in_one_pair(only, law):
     assert change[[k for k in range(4) if k not in rows]].max() == 0.0
 
 
+@pytest.mark.parametrize("law", ["sjkr", "sjkr2"])
+@pytest.mark.parametrize("only", ONLY)
+def test_cohesion_in_one_pair(only, law):
+    """It changes the speeds of those that have it, and of no others."""
+    pair, rows = ONLY[only]
+    plain, sticky = (
+        agrees(one_of_each(special={pair: {"cohesion_energy_density": k}}, contact={"cohesion": law}))
+        for k in (0.0, 2e4)
+    )
+    change = np.abs(plain["force"] - sticky["force"]).max(axis=(0, 2))
+    assert change[rows].min() > 1e-2 * np.abs(plain["force"]).max()
+    assert change[[k for k in range(4) if k not in rows]].max() == 0.0
+
+
 DAMPING = {
     "hertz": ({}, {}, {"restitution": 0.5}),
     "hertz/stiffness": ({"normal": "hertz/stiffness"}, {**STIFFNESS, "gamma_n": 0.0, "gamma_t": 0.0},
                         {"gamma_n": 4e5}),
+    "hooke/stiffness": ({"normal": "hooke/stiffness"}, {**LINEAR_STIFFNESS, "gamma_n": 0.0, "gamma_t": 0.0},
+                        {"gamma_n": 2e3}),
 }  # fmt: skip
 
 

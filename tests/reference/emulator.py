@@ -17,6 +17,7 @@ import math
 
 import numpy as np
 
+from comparisons.oracles.cohesion import circle, linear
 from gpudem.scene import Pair, Scene
 
 
@@ -73,7 +74,7 @@ def steps_and_stride(scene: Scene) -> tuple[int, int]:
 
 def laws_of(scene: Scene, plane: Flat | None) -> dict[str, str]:
     """Slot -> law, between spheres (None) or at a plane."""
-    usual = {slot: getattr(scene.contact, slot) for slot in ("normal", "tangential", "rolling")}
+    usual = {slot: getattr(scene.contact, slot) for slot in ("normal", "tangential", "rolling", "cohesion")}
     return usual | dict(plane.own if plane else ())
 
 
@@ -108,7 +109,9 @@ class Contacts:
     spring: np.ndarray
     """Tangential displacement s of i against j [m], shape (rows, 3)."""
     rolling: np.ndarray
-    """Rolling torque kept by `epsd2` [N m], shape (rows, 3)."""
+    """Rolling torque kept by `epsd`, `epsd2`, `epsd3` [N m], shape (rows, 3)."""
+    inertia: np.ndarray
+    """7/5 m R^2 of the two, as m* is of masses [kg m2]."""
     laws: dict[str, str]
     """Law of each slot."""
     frictional: bool
@@ -116,7 +119,7 @@ class Contacts:
 
     def of(self, name: str) -> np.ndarray:
         """A pair property, one value per row."""
-        return np.array([getattr(p, name) or 0.0 for p in self.pair], float)
+        return np.array([getattr(p, name, 0.0) or 0.0 for p in self.pair], float)
 
 
 def emulate(scene: Scene) -> dict[str, np.ndarray]:
@@ -182,6 +185,7 @@ def _contacts(scene: Scene, i, j, plane: Flat | None) -> Contacts:
         young=1 / ((1 - nu[a] ** 2) / e[a] + (1 - nu[b] ** 2) / e[b]),
         shear=1 / (2 * (2 - nu[a]) * (1 + nu[a]) / e[a] + 2 * (2 - nu[b]) * (1 + nu[b]) / e[b]),
         pair=[scene.pair(names[p], names[q]) for p, q in zip(a, b, strict=True)],
+        inertia=together(1.4 * mass * state.radius**2),
         spring=np.zeros((len(i), 3)), rolling=np.zeros((len(i), 3)),
         laws=laws, frictional=laws["tangential"] != "off" and any_pair_with(scene, "friction", laws),
     )  # fmt: skip
@@ -199,6 +203,8 @@ def _coefficients(scene: Scene, c: Contacts, overlap: np.ndarray) -> tuple[np.nd
     """kn, kt [N/m], cn, ct [N s/m] at an overlap [m]."""
     q = np.sqrt(c.radius * overlap)
     damping = scene.contact.tangential_damping
+    if c.laws["normal"] == "hooke/stiffness":
+        return c.of("kn"), c.of("kt"), c.mass * c.of("gamma_n"), c.mass * c.of("gamma_t") * damping
     if c.laws["normal"] == "hertz/stiffness":
         return (
             q * c.of("kn"),
@@ -254,15 +260,17 @@ def _add_contacts(scene: Scene, c: Contacts, x, v, w, f, t, update: bool) -> Non
     fn = kn * overlap - cn * vn
     if scene.contact.limit_force:
         fn = np.maximum(fn, 0.0)
+    pull = _cohesion(scene, c, touching, overlap)
+    load = np.abs(fn - pull if scene.contact.tangential_reduce else fn)
     vt = relative - vn[:, None] * n - np.cross(spin, n)
-    ft = _tangential(scene, c, touching, n, vt, kt, ct, c.of("friction")[touching] * np.abs(fn), update)
-    force, turn = fn[:, None] * n + ft, np.cross(n, ft)
+    ft = _tangential(scene, c, touching, n, vt, kt, ct, c.of("friction")[touching] * load, update)
+    force, turn = (fn - pull)[:, None] * n + ft, np.cross(n, ft)
     if j is None:
         turning = (arm_i / (scene.state.radius[i] - overlap))[:, None] * w[i]
     else:
         turning = w[i] - w[j]
-    if c.laws["rolling"] == "epsd2":
-        resist = _rolling_spring(scene, c, touching, n, kt, np.abs(fn), turning, update)
+    if c.laws["rolling"].startswith("epsd"):
+        resist = _rolling_spring(scene, c, touching, n, (kn, kt), load, turning, update)
     else:
         resist = _rolling(scene, c, touching, n, kn * overlap, turning)
     np.add.at(f, i, force)
@@ -305,20 +313,46 @@ def _rolling(scene, c, touching, n, elastic, spin) -> np.ndarray:
     size = np.sqrt(_dot(spin, spin))
     magnitude = (c.of("rolling_friction") * c.radius)[touching] * elastic
     torque = (magnitude / np.where(size > 0, size, 1.0))[:, None] * spin
-    return torque - _dot(torque, n)[:, None] * n
+    return torque if scene.contact.torsion else torque - _dot(torque, n)[:, None] * n
 
 
-def _rolling_spring(scene, c, touching, n, kt, load, spin, update: bool) -> np.ndarray:
-    """Elastic-plastic rolling resistance [N m] (`epsd2`): a spring of torque, cut at mu_r |Fn| R*."""
-    radius, torque = c.radius[touching], c.rolling[touching]
-    turn = (spin - _dot(spin, n)[:, None] * n) * scene.time.step
-    torque = torque + (kt * radius**2)[:, None] * turn  # at set-up too, but then it is not kept
-    limit = c.of("rolling_friction")[touching] * load * radius
+def _rolling_spring(scene, c, touching, n, stiffness, load, spin, update: bool) -> np.ndarray:
+    """Elastic-plastic rolling resistance [N m]: a spring of torque, cut at mu_r |Fn| R*.
+
+    `epsd2`: k_r = k_t R*^2; `epsd`, `epsd3`: k_r = 2.25 (or as stated) k_n mu_r^2 R*^2, and below the cut a
+    dashpot 2 eta sqrt(I k_r). `stiffness` = k_n, k_t [N/m].
+    """
+    radius, torque, mu = c.radius[touching], c.rolling[touching], c.of("rolling_friction")[touching]
+    if not scene.contact.torsion:
+        spin = spin - _dot(spin, n)[:, None] * n
+    if c.laws["rolling"] == "epsd2":
+        rigid = stiffness[1] * radius**2
+    else:
+        share = c.of("rolling_stiffness")[touching] if c.laws["rolling"] == "epsd3" else 2.25
+        rigid = share * stiffness[0] * (mu * radius) ** 2
+    torque = torque + rigid[:, None] * spin * scene.time.step  # at set-up too, but then it is not kept
+    limit = mu * load * radius
     size = np.sqrt(_dot(torque, torque))
-    torque = torque * np.where(size > limit, limit / np.where(size > 0, size, 1.0), 1.0)[:, None]
+    slips = size > limit
+    torque = torque * np.where(slips, limit / np.where(size > 0, size, 1.0), 1.0)[:, None]
     if update:
         c.rolling[touching] = torque
-    return torque
+    if c.laws["rolling"] == "epsd2":
+        return torque
+    dashpot = 2 * c.of("rolling_viscous_damping")[touching] * np.sqrt(c.inertia[touching] * rigid)
+    return torque + np.where(slips, 0.0, dashpot)[:, None] * spin
+
+
+def _cohesion(scene, c, touching, overlap) -> np.ndarray:
+    """Attraction [N] of touching rows: energy density times an area."""
+    if c.laws["cohesion"] == "off":
+        return np.zeros_like(overlap)
+    area = circle if c.laws["cohesion"] == "sjkr" else linear
+    first = scene.state.radius[c.i[touching]]
+    second = np.full_like(first, np.inf) if c.j is None else scene.state.radius[c.j[touching]]
+    distance = first - overlap + (0.0 if c.j is None else second)
+    rows = zip(distance.tolist(), first.tolist(), second.tolist(), strict=True)
+    return c.of("cohesion_energy_density")[touching] * np.array([area(*row) for row in rows])
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

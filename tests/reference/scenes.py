@@ -208,6 +208,108 @@ OWN_LAWS = {
 }
 
 
+def sticky(name: str, law: str, make, density: float = 2e4, **more) -> Scene:
+    """A scene with cohesion between spheres and at walls."""
+    contact = {"cohesion": law, **more.pop("contact", {})}
+    pair = {"cohesion_energy_density": density, **more.pop("pair", {})}
+    if make is not two_spheres:
+        more["wall_pair"] = {"cohesion_energy_density": 0.7 * density, **more.pop("wall_pair", {})}
+    return make(name=name, contact=contact, pair=pair, **more)
+
+
+def unlike(name: str, **contact) -> Scene:
+    """The three unlike spheres in a row, with cohesion and rolling resistance."""
+    base = two_sizes()
+    more = {
+        "cohesion_energy_density": 3e4, "rolling_friction": 0.1, "rolling_viscous_damping": 0.4,
+    }  # fmt: skip
+    more |= {"rolling_stiffness": 3.0} if contact["rolling"] == "epsd3" else {}
+    pairs = [{**p.model_dump(), **more} for p in base.pairs]
+    particles = {
+        **base.particles.model_dump(),
+        "angular_velocity": [[20.0, -30.0, 5.0], [-10.0, 15.0, 3.0], [4.0, 9.0, -20.0]],
+    }
+    return base.replace(name=name, pairs=pairs, contact=contact, particles=particles)
+
+
+EPSD = {"rolling_friction": 0.2, "rolling_viscous_damping": 0.3}
+EPSD_WALL = {"rolling_friction": 0.05, "rolling_viscous_damping": 0.6}
+FACTOR = {"rolling_stiffness": 1.5}
+LINEAR_STIFFNESS = {"kn": 9e3, "kt": 7e3, "gamma_n": 2e3, "gamma_t": 1e3, "restitution": 1.0}
+
+
+def rolls(name: str, law: str, make, **more) -> Scene:
+    """A scene with a rolling spring and its dashpot."""
+    factor = FACTOR if law == "epsd3" else {}
+    walls = {} if make is two_spheres else {"wall_pair": {**EPSD_WALL, **factor}}
+    contact = {"rolling": law, **more.pop("contact", {})}
+    return make(name=name, contact=contact, pair={**EPSD, **factor}, **walls, **more)
+
+
+#: Cohesion, rolling springs with dashpot, twisting friction, linear springs; name -> scene maker.
+LATER_LAWS = {
+    "sjkr": lambda: sticky("sjkr", "sjkr", two_spheres),
+    "sjkr_wall": lambda: sticky("sjkr_wall", "sjkr", wall_bounce),
+    "sjkr_resting": lambda: sticky("sjkr_resting", "sjkr", resting),
+    "sjkr2": lambda: sticky("sjkr2", "sjkr2", two_spheres),
+    "sjkr2_wall": lambda: sticky("sjkr2_wall", "sjkr2", wall_bounce),
+    "sjkr_reduce": lambda: sticky(
+        "sjkr_reduce", "sjkr", resting, pair={"rolling_friction": 0.2}, wall_pair={"rolling_friction": 0.1},
+        contact={"tangential_reduce": True, "rolling": "epsd2"},
+    ),
+    "sjkr_reduce_cdt": lambda: sticky(
+        "sjkr_reduce_cdt", "sjkr", resting, pair={"rolling_friction": 0.2},
+        wall_pair={"rolling_friction": 0.1}, contact={"tangential_reduce": True, "rolling": "cdt"},
+    ),
+    "sjkr_limit_force": lambda: sticky(
+        "sjkr_limit_force", "sjkr", two_spheres, contact={"limit_force": True, "tangential_reduce": True}
+    ),
+    "sjkr_no_history": lambda: sticky(
+        "sjkr_no_history", "sjkr2", resting, contact={"tangential": "no_history", "tangential_reduce": True}
+    ),
+    "sjkr_hooke": lambda: sticky(
+        "sjkr_hooke", "sjkr", resting, contact={"normal": "hooke", "characteristic_velocity": 0.5}
+    ),
+    "sjkr_frictionless": lambda: sticky(
+        "sjkr_frictionless", "sjkr", resting, pair={"friction": 0.0}, wall_pair={"friction": 0.0}
+    ),
+    "unlike_sjkr": lambda: unlike("unlike_sjkr", cohesion="sjkr", rolling="epsd"),
+    "unlike_sjkr2": lambda: unlike("unlike_sjkr2", cohesion="sjkr2", rolling="epsd3"),
+    "own_sjkr": lambda: own_law(
+        "own_sjkr", {}, {"cohesion": "sjkr"}, pair={"cohesion_energy_density": 3e4},
+        wall_pair={"cohesion_energy_density": 2e4},
+    ),
+    "own_sjkr_off": lambda: own_law(
+        "own_sjkr_off", {"cohesion": "sjkr2"}, {"cohesion": "off", "rolling": "epsd"},
+        pair={"cohesion_energy_density": 3e4}, wall_pair={"cohesion_energy_density": 2e4, **EPSD_WALL},
+    ),
+    "epsd": lambda: rolls("epsd", "epsd", two_spheres),
+    "epsd_wall": lambda: rolls("epsd_wall", "epsd", wall_bounce),
+    "epsd_resting": lambda: rolls("epsd_resting", "epsd", resting),
+    "epsd3": lambda: rolls("epsd3", "epsd3", two_spheres),
+    "epsd3_resting": lambda: rolls("epsd3_resting", "epsd3", resting),
+    **{
+        f"torsion_{law}": lambda law=law: rolls(
+            f"torsion_{law}", law, resting, contact={"torsion": True}
+        )
+        for law in ("epsd", "epsd3")
+    },
+    **{
+        f"torsion_{law}": lambda law=law: two_spheres(
+            name=f"torsion_{law}", contact={"rolling": law, "torsion": True}, pair={"rolling_friction": 0.02}
+        )
+        for law in ("cdt", "epsd2")
+    },
+    "hooke_stiffness": lambda: two_spheres(
+        name="hooke_stiffness", contact={"normal": "hooke/stiffness"}, pair=LINEAR_STIFFNESS
+    ),
+    "hooke_stiffness_wall": lambda: wall_bounce(
+        name="hooke_stiffness_wall", contact={"normal": "hooke/stiffness"},
+        pair=LINEAR_STIFFNESS, wall_pair=LINEAR_STIFFNESS,
+    ),
+}  # fmt: skip
+
+
 #: name -> scene maker
 AGREEMENT = {
     "two_spheres": two_spheres,
@@ -268,4 +370,5 @@ AGREEMENT = {
     "start_in_contact": start_in_contact,
     "periodic_bed": periodic_bed,
     **OWN_LAWS,
+    **LATER_LAWS,
 }

@@ -12,7 +12,15 @@ from gpudem.scene import Scene
 from reference.liggghts.deck import data, render
 from reference.liggghts.decomposition import processors
 from reference.liggghts.errors import LiggghtsCannotState
-from tests.reference.scenes import AGREEMENT, FLOOR, STIFFNESS, gate_removal, two_spheres, wall_bounce
+from tests.reference.scenes import (
+    AGREEMENT,
+    FLOOR,
+    LATER_LAWS,
+    STIFFNESS,
+    gate_removal,
+    two_spheres,
+    wall_bounce,
+)
 
 GOLDEN = Path(__file__).parent / "golden"
 HOSTILE = ['"; shell rm -rf /', "a\nshell touch owned", "${x}", "$(1+1)", "& \\", "{{ scene }}", "# run 1"]
@@ -133,6 +141,30 @@ def test_low_restitution_is_refused_by_name():
     with pytest.raises(LiggghtsCannotState, match=r"pairs ball / ball: restitution = 0.05"):
         render(two_spheres(pair={"restitution": 0.05}))
     render(two_spheres(pair={"restitution": 0.05, **STIFFNESS}, contact={"normal": "hertz/stiffness"}))
+
+
+def test_rolling_stiffness_by_pair_is_refused():
+    """Trap 34: LIGGGHTS has one number; the message names both. Below 1 it is refused as well."""
+    scene = LATER_LAWS["epsd3_resting"]()
+    assert "rollingStiffness scalar 1.5\n" in render(scene).text
+    pairs = [{**p.model_dump(), "rolling_stiffness": 2.0 + k} for k, p in enumerate(scene.pairs)]
+    with pytest.raises(LiggghtsCannotState, match=r"rolling_stiffness: 2, 3 with contact\.rolling = 'epsd3'"):
+        render(scene.replace(pairs=pairs))
+    with pytest.raises(LiggghtsCannotState, match=r"rolling_stiffness = 0\.5: LIGGGHTS wants at least 1"):
+        render(scene.replace(pairs=[{**p, "rolling_stiffness": 0.5} for p in pairs]))
+
+
+def test_words_of_cohesion():
+    """Trap 32: before the rolling friction; switches where a law reads them; a wall's own slot."""
+    text = render(LATER_LAWS["sjkr_reduce"]()).text
+    assert re.search(
+        r"pair_style .*tangential history cohesion sjkr rolling_friction epsd2 tangential_reduce on\n", text
+    )
+    assert "cohesionEnergyDensity peratomtypepair 2 20000.0 14000.0 14000.0 0.0\n" in text
+    text = render(LATER_LAWS["own_sjkr_off"]()).text
+    assert re.search(r"wall_floor .*model hertz tangential history rolling_friction epsd primitive", text)
+    assert re.search(r"wall_side .*model hertz tangential history cohesion sjkr2 primitive", text)
+    assert re.search(r"pair_style .* torsionTorque on\n", render(LATER_LAWS["torsion_epsd"]()).text)
 
 
 def test_low_characteristic_velocity_is_refused():

@@ -11,6 +11,13 @@ from gpudem.contact.law import LiggghtsWords, NormalLaw, PairInputs
 
 #: The inputs of a pair.
 CONSTANTS = ("kn", "kt", "gamma_n", "gamma_t")
+#: Their properties in a LIGGGHTS deck.
+WORDS = (
+    ("per_pair", "kn", lambda p: p.kn or 0.0, 0.0),
+    ("per_pair", "kt", lambda p: p.kt or 0.0, 0.0),
+    ("per_pair", "gamman", lambda p: p.gamma_n or 0.0, 0.0),
+    ("per_pair", "gammat", lambda p: p.gamma_t or 0.0, 0.0),
+)
 
 
 @wp.func
@@ -50,15 +57,7 @@ class HertzStiffness(NormalLaw):
     name = "hertz/stiffness"
     reads = CONSTANTS
     uses_moduli = False
-    liggghts = LiggghtsWords(
-        "hertz/stiffness",
-        (
-            ("per_pair", "kn", lambda p: p.kn or 0.0, 0.0),
-            ("per_pair", "kt", lambda p: p.kt or 0.0, 0.0),
-            ("per_pair", "gamman", lambda p: p.gamma_n or 0.0, 0.0),
-            ("per_pair", "gammat", lambda p: p.gamma_t or 0.0, 0.0),
-        ),
-    )
+    liggghts = LiggghtsWords("hertz/stiffness", WORDS)
 
     def coefficients_of(self, inputs: PairInputs) -> dict[str, float]:  # noqa: D102
         if missing := self.missing(inputs):

@@ -1,0 +1,1 @@
+"""Laws of cohesion: one file each, named after the law."""
