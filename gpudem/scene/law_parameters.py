@@ -32,12 +32,12 @@ def problems(scene: Scene) -> list[str]:
     return found
 
 
-def _laws_with(name: str) -> str:
-    """The laws that read a parameter, as `contact.SLOT = 'LAW'`; empty: none."""
+def _laws_with(name: str, where: str) -> str:
+    """The laws that read a parameter in this section, as `contact.SLOT = 'LAW'`; empty: none."""
     laws = [
         registry.law(slot, law) for slot in registry.SLOTS for law in registry.names(slot) if law != "off"
     ]
-    found = [law for law in laws if name in [p.name for p in law.parameters]]
+    found = [law for law in laws if (name, where) in [(p.name, p.where) for p in law.parameters]]
     return " or ".join(f"contact.{law.slot} = {law.name!r}" for law in found)
 
 
@@ -45,7 +45,7 @@ def _section(key: str, section: Model, declared: list[Parameter]) -> list[str]:
     found, known = [], {p.name: p for p in declared}
     for name, value in (section.model_extra or {}).items():
         if name not in known:
-            others = _laws_with(name)
+            others = _laws_with(name, "contact" if key == "contact" else "pair")
             why = f"unknown key{nearest(name, [*type(section).model_fields, *known])}"
             found.append(f"{key}.{name}: {f'read only with {others}' if others else why}")
             continue
