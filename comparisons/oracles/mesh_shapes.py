@@ -78,6 +78,23 @@ def faceted_cylinder(
     return np.concatenate(sides)
 
 
+def revolved(profile: ArrayLike, facets: int) -> np.ndarray:
+    """The surface of a profile of rows (radius, z) [m] turned about z, normals away from it.
+
+    Its horizontal sections are polygons that have the area of the circles.
+    """
+    outer = np.sqrt(2 * np.pi / facets / np.sin(2 * np.pi / facets))
+    angle = 2 * np.pi * np.arange(facets + 1) / facets
+    ring = np.stack([outer * np.cos(angle), outer * np.sin(angle)], axis=1)
+    points = np.array([np.column_stack([r * ring, np.full(facets + 1, z)]) for r, z in np.asarray(profile)])
+    found = []
+    for low, high in itertools.pairwise(points):
+        for j in range(facets):
+            p, q, r, s = low[j], low[j + 1], high[j + 1], high[j]
+            found += [(p, q, r), (p, r, s)]
+    return np.array(found)
+
+
 def shuffled(corners: np.ndarray, seed: int, renumber: bool = True) -> np.ndarray:
     """The triangles in another order and, with `renumber`, each from another corner on."""
     rng = np.random.default_rng(seed)
