@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 #: C and k of Beverloo, Leniger and van de Velde (1961), Chem. Eng. Sci. 15, 260.
 BEVERLOO_C, BEVERLOO_K = 0.58, 1.4
@@ -37,7 +37,7 @@ def janssen_number(share: float) -> float:
     """The x at which the bottom carries a share of the weight. Raises ValueError for one not below 1."""
     if not 0 < share < 1:
         raise ValueError(f"share = {share:g}: must lie between 0 and 1")
-    return float(brentq(lambda x: bottom_share(x) - share, 1e-12, 1 / share + 1, xtol=1e-14))
+    return root_scalar(lambda x: bottom_share(x) - share, bracket=(1e-12, 1 / share + 1), xtol=1e-14).root
 
 
 def wall_stress(depth: np.ndarray, height: float, number: float, k: float, weight: float) -> np.ndarray:
