@@ -32,7 +32,7 @@ SILOS: dict[kit.Tier, int] = {"quick": 1, "standard": 5, "full": 5}
 FULL: tuple[kit.Tier, ...] = ("full",)
 SHORT: tuple[kit.Tier, ...] = ("quick", "standard")
 #: Walls of gpudem alone: its own rule of mesh contacts, and the round kinds; at the widest orifice.
-OWN_WALLS = ("unique", "round")
+OWN_WALLS = (scenes.UNIQUE, scenes.ROUND)
 #: Time [s] up to which the codes must agree ball by ball.
 EARLY = 0.06
 #: Points of gpudem, whose style is a line.
@@ -483,7 +483,7 @@ CASE = kit.Case(
         kit.Table("Silos at rest", "By the overlaps with the walls.", _loads_table),
         kit.Table(
             "Codes against each other", "Over seeds; p corrected for all metrics by permutation.",
-            _seeds_table, tiers=FULL, recorded=True, needs=("gpudem", "liggghts"),
+            _seeds_table, tiers=FULL, recorded=True,
         ),
     ),
     features=(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any, get_args
 
 import numpy as np
 
@@ -16,6 +16,10 @@ from comparisons.oracles.mesh_shapes import revolved
 from gpudem.output.run import Run
 from gpudem.scene import Contact, Domain, Explicit, Material, Output, Pair, Scene, Time
 
+#: The rules of contacts with meshes: gpudem's, and that of the reference, by which both agree to rounding.
+UNIQUE, SHARED = get_args(Contact.model_fields["mesh_contacts"].annotation)
+#: Round walls in the place of the mesh.
+ROUND = "round"
 #: Mean diameter of the balls [m], and their largest departure from it, against crystals.
 DIAMETER, SPREAD = 0.006, 0.08
 GRAVITY, DENSITY, FRICTION, RESTITUTION = 9.81, 1000.0, 0.5, 0.5
@@ -80,13 +84,13 @@ def loose(
 
 
 def statement(
-    name: str, title: str, young: float, particles: dict[str, Any], rule: Literal["liggghts", "unique"]
+    name: str, title: str, young: float, particles: dict[str, Any], rule: str = SHARED
 ) -> dict[str, Any]:
     """What hopper and silo share."""
     return {
         "name": name, "title": title, "materials": {"grain": ball(young)},
         "pairs": [Pair(materials=("grain", "grain"), restitution=RESTITUTION, friction=FRICTION)],
-        "contact": Contact(mesh_contacts=rule), "particles": Explicit(**particles),
+        "contact": {"mesh_contacts": rule}, "particles": Explicit(**particles),
         "gravity": (0.0, 0.0, -GRAVITY),
     }  # fmt: skip
 
@@ -102,8 +106,8 @@ class Hopper:
     count: int
     """Number of balls."""
     seed: int = 1
-    walls: Literal["liggghts", "unique", "round"] = "liggghts"
-    """A mesh, by one of the rules of contacts, or the round kinds `cone` and `cylinder`."""
+    walls: str = SHARED
+    """A mesh, by one of the rules of contacts, or ROUND: the kinds `cone` and `cylinder`."""
     opens: float = 0.2
     """Time at which the gate goes [s]."""
 
@@ -130,7 +134,7 @@ class Hopper:
 
     def _walls(self) -> list[dict[str, Any]]:
         (low, _), (high, knee), (_, top) = self.profile
-        if self.walls == "round":
+        if self.walls == ROUND:
             shared = {"material": "grain", "axis": (0, 0, 1)}
             return [
                 {"kind": "cone", "name": "cone", "radius": low, "end_radius": high, "length": knee,
@@ -146,7 +150,7 @@ class Hopper:
 
     def scene(self) -> Scene:
         """The whole statement."""
-        width, rule = (self.bin / 2 + MARGIN) * DIAMETER, "unique" if self.walls == "round" else self.walls
+        width, rule = (self.bin / 2 + MARGIN) * DIAMETER, UNIQUE if self.walls == ROUND else self.walls
         top = self.profile[-1, 1] + 2 * DIAMETER
         gate = {"kind": "plane", "name": "gate", "material": "grain", "point": (0, 0, 0), "normal": (0, 0, 1)}
         tray = {"kind": "box", "name": "tray", "material": "grain",
@@ -201,7 +205,7 @@ class Silo:
                  "vertices": [(-out, -out, 0), (out, -out, 0), (out, out, 0), (-out, out, 0)],
                  "motion": [sinking]}  # fmt: skip
         return Scene(
-            **statement("silo", f"{self.count} balls in a square silo", STIFF, particles, "liggghts"),
+            **statement("silo", f"{self.count} balls in a square silo", STIFF, particles),
             walls=[sides, floor],
             domain=Domain(lo=(-1.1 * half, -1.1 * half, -DIAMETER), hi=(1.1 * half, 1.1 * half, top)),
             time=Time(step=step(STIFF), duration=self.duration),
