@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 
 from comparisons import kit
+from comparisons.cases import over_seeds
 from comparisons.cases.dam_break import scenes as dam
 from comparisons.metrics import pile, statistics
-
-#: Significance level of the tests: runs are deterministic, so that a false alarm would stay.
-ALPHA = 0.01
 
 
 def samples(results: kit.Results, code: str) -> dict[str, np.ndarray]:
@@ -32,24 +30,14 @@ def compared(results: kit.Results, code: str, other: str) -> dict[str, statistic
 
 def smallest_p(results: kit.Results, code: str, other: str) -> kit.Measured:
     """Smallest corrected p over the metrics: below ALPHA, the codes differ significantly."""
-    found, seeds = compared(results, code, other), len(results.labels(code, prefix="seed"))
-    name, c = min(found.items(), key=lambda item: item[1].corrected)
-    note = f"{len(found)} metrics, {seeds} seeds per code; smallest at {name}: {c.mean[0]:.4g} and"
-    note += f" {c.mean[1]:.4g}, standard deviations {c.spread[0]:.2g} and {c.spread[1]:.2g}"
-    return kit.Measured(c.corrected, note=note)
+    return over_seeds.smallest_p(compared(results, code, other), len(results.labels(code, prefix="seed")))
 
 
 def bound(name: str, part: str, **fields: Any) -> kit.PerPair:
     """Largest difference of means within its 95 % confidence interval, over metrics whose name has `part`."""
-
-    def measure(results: kit.Results, code: str, other: str) -> dict[str, kit.Measured]:
-        return {
-            name: kit.Measured(c.bound, note=f"difference {c.difference:.3g} +- {c.half_width:.3g}")
-            for name, c in compared(results, code, other).items() if part in name
-        }  # fmt: skip
-
     return kit.per_pair(
-        f"{name}: largest difference of means that the seeds leave possible (95 %)", measure, **fields,
+        f"{name}: largest difference of means that the seeds leave possible (95 %)",
+        lambda results, code, other: over_seeds.bounds(compared(results, code, other), part), **fields,
         catches="too few seeds, or too scattered ones, for the test above to mean anything",
     )  # fmt: skip
 

@@ -7,6 +7,7 @@ R = 7.5 mm, 916 x 24 000 = 2.2e7 each (standard), at 10 mm, 515 x 15 600 = 8e6 (
 from __future__ import annotations
 
 from comparisons import kit
+from comparisons.cases import over_seeds
 from comparisons.cases.dam_break import checks, figures
 from comparisons.cases.dam_break import scenes as dam
 from comparisons.cases.dam_break.scenes import Dam
@@ -42,12 +43,12 @@ TEST = (
 BETWEEN = (
     kit.per_pair(
         "smallest corrected p over all metrics: difference between codes against spread within",
-        checks.smallest_p, lo=checks.ALPHA, tolerance=1.0, reason=TEST,
+        checks.smallest_p, lo=over_seeds.ALPHA, tolerance=1.0, reason=TEST,
         catches="any bias of friction, damping, walls or gate beyond the scatter of seeds",
     ),
     kit.per_pair(
         "profile at rest: permutation p of L1 distances between codes against within",
-        checks.profile_p, lo=checks.ALPHA, tolerance=1.0, tiers=LONG,
+        checks.profile_p, lo=over_seeds.ALPHA, tolerance=1.0, tiers=LONG,
         reason="all 12 870 ways to split 16 runs",
         catches="a pile of another shape whose heights agree on average",
     ),

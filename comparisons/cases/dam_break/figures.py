@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from comparisons import kit
+from comparisons.cases import over_seeds
 from comparisons.cases.dam_break import checks
 from comparisons.cases.dam_break import scenes as dam
 from comparisons.harness import codes
@@ -130,14 +131,10 @@ def sweep(results: kit.Results) -> plots.Figure:
 def metrics_table(results: kit.Results) -> kit.Rows:
     """Every metric: mean and spread of each code, difference, its interval, p before and after correction."""
     return [
-        {"metric": name,
-         f"{plots.name(a)}: mean": c.mean[0], f"{plots.name(a)}: standard deviation": c.spread[0],
-         f"{plots.name(b)}: mean": c.mean[1], f"{plots.name(b)}: standard deviation": c.spread[1],
-         "difference of means": c.difference, "half of its 95 % interval": c.half_width,
-         "p (Welch)": c.p, "p (corrected)": c.corrected}
+        row
         for a, b in codes.pairs(results.codes())
-        for name, c in checks.compared(results, a, b).items()
-    ]  # fmt: skip
+        for row in over_seeds.rows(checks.compared(results, a, b), plots.name(a), plots.name(b))
+    ]
 
 
 def bed_table(results: kit.Results) -> kit.Rows:

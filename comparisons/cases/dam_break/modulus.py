@@ -10,7 +10,8 @@ import numpy as np
 
 from comparisons import kit
 from comparisons.cases.dam_break import scenes as dam
-from comparisons.cases.dam_break.checks import ALPHA, early
+from comparisons.cases.dam_break.checks import early
+from comparisons.cases.over_seeds import ALPHA
 from comparisons.harness import codes
 from comparisons.kit import number
 from comparisons.metrics import pile, statistics
