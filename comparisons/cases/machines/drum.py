@@ -15,14 +15,14 @@ SEEDS: dict[kit.Tier, int] = {"quick": 5, "standard": 8, "full": 10}
 DURATION: dict[kit.Tier, float] = {"quick": 0.96, "standard": 1.2, "full": 3.0}
 #: Facets of the drums that show the difference of the rules, and seeds of each.
 COARSE = (12, 24, 48)
-RULES: tuple[drums.Rule, ...] = ("unique", "liggghts")
+RULES = (drums.OWN_RULE, drums.SAME_RULE)
 COARSE_SEEDS: dict[kit.Tier, int] = {"standard": 2, "full": 10}
 
 
 def variants(tier: kit.Tier) -> list[kit.Variant]:
     made, duration = [], DURATION[tier]
     for seed in range(1, SEEDS[tier] + 1):
-        same = drums.Drum(duration, seed, rule="liggghts").scene()
+        same = drums.Drum(duration, seed, rule=drums.SAME_RULE).scene()
         own = drums.Drum(duration, seed).scene()
         made += [
             kit.Variant(f"{checks.SAME}_{seed}", same),
@@ -40,7 +40,7 @@ def variants(tier: kit.Tier) -> list[kit.Variant]:
 def coarse(facets: int, rule: str, seed: int) -> str:
     """Label of a drum of so many facets."""
     if facets == drums.FACETS:
-        return f"{checks.OWN if rule == 'unique' else checks.SAME}_{seed}"
+        return f"{checks.OWN if rule == drums.OWN_RULE else checks.SAME}_{seed}"
     return f"{rule}_of_{facets}_{seed}"
 
 
@@ -105,7 +105,7 @@ def _metrics(results: kit.Results) -> kit.Rows:
     return [
         {"rule in gpudem": rule} | row
         for a, b in codes.pairs(results.codes())
-        for prefix, rule in ((checks.OWN, "unique"), (checks.SAME, "liggghts"))
+        for prefix, rule in zip((checks.OWN, checks.SAME), RULES, strict=True)
         for row in over_seeds.rows(checks.compared(results, prefix, a, b), plots.name(a), plots.name(b))
     ]
 
@@ -120,9 +120,9 @@ def _rules(results: kit.Results) -> kit.Rows:
     rows = []
     for facets in COARSE:
         found = {rule: by_rule(results, facets, rule) for rule in RULES}
-        for name in found["unique"][0]:
+        for name in found[drums.OWN_RULE][0]:
             values = {rule: np.array([one[name] for one in found[rule]]) for rule in RULES}
-            gap = values["liggghts"] - values["unique"]
+            gap = values[drums.SAME_RULE] - values[drums.OWN_RULE]
             row = {"facets": facets, "metric": name}
             row |= {f'rule "{r}": mean ± standard deviation': f"{v.mean():.3g} ± {v.std(ddof=1):.2g}"
                     for r, v in values.items()}  # fmt: skip
@@ -146,8 +146,8 @@ CASE = kit.Case(
     variants=variants,
     follow_up=checks.window,
     checks=(
-        checks.between(checks.OWN, "unique"),
-        checks.between(checks.SAME, "liggghts"),
+        checks.between(checks.OWN, drums.OWN_RULE),
+        checks.between(checks.SAME, drums.SAME_RULE),
         checks.widest(
             "angle of the surface", "angle of the surface", tolerance=4.0, unit="deg",
             reason="a slice of 15 balls across has an angle per frame to about 4 degrees, a ball on the"

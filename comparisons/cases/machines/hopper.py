@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from comparisons import kit
-from comparisons.cases.dam_break import checks as bulk
+from comparisons.cases import over_seeds
 from comparisons.cases.machines import hopper_scenes as scenes
 from comparisons.cases.machines.hopper_scenes import DIAMETER, GRAVITY, WINDOW, Hopper, Silo
 from comparisons.harness import codes
@@ -352,7 +352,7 @@ BETWEEN = (
     ),
     kit.per_pair(
         "rates of discharge: smallest p over the orifices, times their number", smallest_p,
-        lo=bulk.ALPHA, tolerance=1.0, tiers=SHORT,
+        lo=over_seeds.ALPHA, tolerance=1.0, tiers=SHORT,
         reason="Welch's test on eight parts of the discharge, each as long as balls move by a diameter or"
         " longer, no significant difference at 0.01; a flow is chaotic, so that only distributions can agree",
         catches="friction, damping or a rim that acts otherwise than in the reference",
@@ -365,7 +365,7 @@ BETWEEN = (
     ),
     kit.per_pair(
         "smallest corrected p over all metrics: difference between codes against spread within", seeds_p,
-        lo=bulk.ALPHA, tolerance=1.0, tiers=FULL,
+        lo=over_seeds.ALPHA, tolerance=1.0, tiers=FULL,
         reason="exact permutation test of the largest standardized difference over all metrics (Westfall and"
         " Young), no significant difference at 0.01",
         catches="any bias of friction, damping or walls beyond the scatter of seeds, in the flow or at rest",
@@ -432,7 +432,7 @@ CLOSED = (
     ),
     kit.check(
         "rates by rule 'unique' and with round walls: smallest p against rule 'liggghts', times 2 (gpudem)",
-        own_walls_p, lo=bulk.ALPHA, tolerance=1.0, unit="1", against="gpudem, rule liggghts", tiers=LONG,
+        own_walls_p, lo=over_seeds.ALPHA, tolerance=1.0, unit="1", against="gpudem, rule liggghts", tiers=LONG,
         reason="Welch's test on eight parts of each discharge; 24 facets are within 1 % of the cone",
         catches="a cone or a cylinder that acts at another place, contacts of facets lost where they merge",
     ),
