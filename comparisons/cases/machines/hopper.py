@@ -12,6 +12,7 @@ import numpy as np
 
 from comparisons import kit
 from comparisons.cases import over_seeds
+from comparisons.cases.dam_break import checks as bulk
 from comparisons.cases.machines import hopper_scenes as scenes
 from comparisons.cases.machines.hopper_scenes import DIAMETER, GRAVITY, WINDOW, Hopper, Silo
 from comparisons.harness import codes
@@ -432,7 +433,8 @@ CLOSED = (
     ),
     kit.check(
         "rates by rule 'unique' and with round walls: smallest p against rule 'liggghts', times 2 (gpudem)",
-        own_walls_p, lo=over_seeds.ALPHA, tolerance=1.0, unit="1", against="gpudem, rule liggghts", tiers=LONG,
+        own_walls_p, lo=over_seeds.ALPHA, tolerance=1.0, unit="1", against="gpudem, rule liggghts",
+        tiers=LONG,
         reason="Welch's test on eight parts of each discharge; 24 facets are within 1 % of the cone",
         catches="a cone or a cylinder that acts at another place, contacts of facets lost where they merge",
     ),
