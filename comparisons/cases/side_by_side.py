@@ -65,3 +65,10 @@ def plane(name: str, point, normal, material: str = "wall", **more: Any) -> Plan
 def floor(material: str = "floor") -> Plane:
     """The plane z = 0, named "floor"."""
     return plane("floor", (0, 0, 0), (0, 0, 1), material)
+
+
+def mesh(name: str, corners: np.ndarray, **keys: Any) -> dict[str, Any]:
+    """A wall of these triangles [m], shape (k, 3, 3)."""
+    rows = np.arange(3 * len(corners)).reshape(-1, 3)
+    points = np.reshape(corners, (-1, 3))
+    return {"kind": "mesh", "name": name, "material": "wall", "vertices": points, "triangles": rows, **keys}

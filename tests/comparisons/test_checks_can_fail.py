@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -18,6 +19,7 @@ from comparisons.cases.encounters import (
 )
 from comparisons.cases.rolling import slide_to_roll
 from comparisons.cases.single_contact import head_on, oblique, wall_restitution
+from comparisons.cases.walls import ball_over_edge, mesh_plane, moving_walls
 from comparisons.harness.case import Case, Measured, Results
 from gpudem import driver
 from gpudem.scene import Plane, Scene
@@ -48,7 +50,7 @@ def with_pairs(**factors: float) -> Callable[[Scene], Scene]:
     return change
 
 
-def with_contact(**changes: bool) -> Callable[[Scene], Scene]:
+def with_contact(**changes: bool | float) -> Callable[[Scene], Scene]:
     return lambda scene: scene.replace(contact=changes)
 
 
@@ -86,6 +88,30 @@ def closed(scene: Scene) -> Scene:
     return scene.replace(walls=walls)
 
 
+def with_walls(change: Callable[[Any], dict[str, Any]]) -> Callable[[Scene], Scene]:
+    """Walls with some keys changed."""
+    return lambda scene: scene.replace(walls=[w.model_copy(update=change(w)) for w in scene.walls])
+
+
+def longer_periods(wall: Any) -> dict[str, Any]:
+    """Motions of 1.001 times the period; belts and plates of 0.998 times the speed."""
+    motions = tuple(
+        m.model_copy(
+            update={"period": 1.001 * m.period}
+            if m.cycle
+            else {"velocity": tuple(0.998 * v for v in m.velocity)}
+        )
+        for m in wall.motion
+    )
+    belt = tuple(0.998 * v for v in wall.surface_velocity) if wall.surface_velocity else None
+    return {"motion": motions, "surface_velocity": belt}
+
+
+def long(*values: Any) -> Any:
+    """A parameter set of a test that takes seconds."""
+    return pytest.param(*values, marks=pytest.mark.long)
+
+
 def failures(case: Case, change: Callable[[Scene], Scene]) -> list[str]:
     """Names of the checks against closed forms and the ODE that a changed gpudem fails."""
     runs = {}
@@ -117,10 +143,19 @@ def failures(case: Case, change: Callable[[Scene], Scene]) -> list[str]:
         (two_materials.CASE, one_poisson_ratio, "elastic"),
         (several_walls.CASE, late_gate, "force on the ball where the gate was"),
         (several_walls.CASE, closed, "passing ball"),
+        long(moving_walls.CASE, with_walls(longer_periods), "velocity of a ball that rolls"),
+        long(moving_walls.CASE, with_walls(longer_periods), "velocity from rest"),
+        long(moving_walls.CASE, with_pairs(restitution=0.8), "heights above the threshold"),
+        long(mesh_plane.CASE, with_contact(merge_angle=60.0), "rule 'unique'"),
+        long(mesh_plane.CASE, with_contact(mesh_curvature=12.0), "rule 'liggghts'"),
+        long(ball_over_edge.CASE, with_pairs(restitution=0.99), "energy over ridge and rim"),
+        long(ball_over_edge.CASE, with_pairs(friction=0.05), "spin of a ball that rolls over the rim"),
     ],
     ids=[
         "modulus", "density", "restitution", "limit", "no limit", "friction", "dashpot", "floor friction",
         "mixing rule of friction", "one Poisson ratio", "late gate", "closed box",
+        "period of walls", "speed of walls", "restitution on a plate",
+        "merge angle", "curvature", "damping over an edge", "friction at a rim",
     ],
 )  # fmt: skip
 def test_a_small_mistake_is_seen(case: Case, change: Callable[[Scene], Scene], expected: str):
@@ -140,6 +175,9 @@ def test_a_small_mistake_is_seen(case: Case, change: Callable[[Scene], Scene], e
         several_walls.CASE,
         moving_pairs.CASE,
         two_materials.CASE,
+        long(mesh_plane.CASE),
+        long(moving_walls.CASE),
+        long(ball_over_edge.CASE),
     ],
     ids=lambda case: case.name,
 )

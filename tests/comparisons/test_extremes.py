@@ -18,6 +18,7 @@ from gpudem.scene import checks
 WORDS = {
     "fast_30": "overlaps wall side_zlo by more than", "fast_300": "overlaps wall side_zlo by more than",
     "concentric": "is not a number (NaN)", "leaves": "left the domain",
+    "fast_wall": "overlaps wall plate by more than", "crushed": "overlaps wall",
 }  # fmt: skip
 EXTREMES = {x.name: x for x in scenes()}
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from comparisons.oracles import closed_forms, contact_ode
+from comparisons.oracles import bouncing_ball, closed_forms, contact_ode
 from comparisons.oracles.bodies import Bodies, bodies
 from comparisons.oracles.impact import impact
 from gpudem.scene import Contact, Domain, Explicit, Material, Pair, Plane, Scene, Time
@@ -241,3 +241,12 @@ def test_slide_to_roll_and_rest():
     c = bodies(on_wall(), 0, "floor")
     assert c.normal_constant * closed_forms.static_overlap(c, 9.81) ** 1.5 == pytest.approx(c.mass[0] * 9.81)
     assert closed_forms.free_fall(0.2, 1.0, 0.5, 10.0) == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize("e", [0.2, 0.5, 0.8])
+def test_a_bouncing_ball_doubles_its_period_at_the_threshold(e: float):
+    """Detects an error in the derivation of the threshold, which the map of impacts does not use."""
+    _, doubles = bouncing_ball.thresholds(e)
+    for by, wanted in ((0.99, 0.0), (1.01, 0.05)):
+        differ = np.abs(np.diff(bouncing_ball.map_heights(e, by * doubles, impacts=2000)))
+        assert (differ < 1e-6).all() if wanted == 0.0 else (differ > wanted).all()

@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.cases.side_by_side import every_pair, plane, traced
+from comparisons.cases.side_by_side import every_pair, mesh, plane, traced
 from comparisons.oracles.bodies import bodies
 from comparisons.oracles.closed_forms import static_overlap
 from comparisons.oracles.impact import impact
+from comparisons.oracles.mesh_shapes import rectangle
 from comparisons.oracles.several import row_of_spheres, squeezed
 from gpudem.output.run import Run
-from gpudem.scene import Explicit, Material, Pair, Plane, Scene
+from gpudem.scene import Explicit, Material, Pair, Scene
 
 R, E, NU, RHO = 0.003, 5e6, 0.34, 1768.0
 SPEED, RESTITUTION, FRICTION = 1.0, 0.9, 0.3
@@ -77,7 +78,7 @@ class Builder:
         self.pairs[frozenset((a, b))] = Pair(materials=(a, b), restitution=restitution, friction=friction)
 
     def scene(
-        self, name: str, sides: Sequence[str] = ("zlo",), walls: Sequence[Plane] = (),
+        self, name: str, sides: Sequence[str] = ("zlo",), walls: Sequence[Any] = (),
         duration: float = DURATION, **changes: Any,
     ) -> Scene:  # fmt: skip
         """The scene: planes through the origin at the named sides, and further walls; traced at its end."""
@@ -282,6 +283,35 @@ def light_between() -> Extreme:
     return Extreme("light_between", title, scene, error, 4e-3)
 
 
+def on_mesh(
+    name: str, title: str, size: tuple[float, float], cells: tuple[int, int], at: float = 0.0
+) -> Extreme:
+    """Rebound from a floor of triangles: a rectangle of this size [m], in cells; it falls at x = `at`."""
+    b, (length, width) = Builder(), size
+    row = b.ball("ball", R, (at, 0, 1.005 * R), (0, 0, -SPEED))
+    flat = rectangle((-length / 2, -width / 2, 0), (length, 0, 0), (0, width, 0), cells)
+    end = max(length / 2 + 10 * R, 25 * R)
+    scene = b.scene(
+        name, (), [mesh("floor", flat)], lo=(-end, -25 * R, -10 * R), hi=(end, 25 * R, 35 * R),
+        contact={"mesh_contacts": "liggghts"},
+    )  # fmt: skip
+    return Extreme(name, title, scene, rebound_error([(row, None, RESTITUTION)]), 2e-3)
+
+
+def plate_comes_down(name: str, title: str, speed: float, high: float, **changes: Any) -> Extreme:
+    """A plate of triangles comes down on a ball that lies on the floor, at a speed [m/s]; no run can end.
+
+    It begins at this height above the center of the ball [R].
+    """
+    b = Builder()
+    b.ball("ball", R, (0, 0, R), (0, 0, 0))
+    flat = rectangle((-5 * R, -5 * R, (1 + high) * R), (10 * R, 0, 0), (0, 10 * R, 0))
+    motion = [{"type": "linear", "velocity": (0.0, 0.0, -speed)}]
+    scene = b.scene(name, walls=[mesh("plate", flat, motion=motion)],
+                    contact={"mesh_contacts": "liggghts"}, **changes)  # fmt: skip
+    return Extreme(name, title, scene, no_result, 0.0)
+
+
 def leaves() -> Extreme:
     """A ball flies out of the open domain."""
     b = Builder()
@@ -305,4 +335,9 @@ def scenes() -> tuple[Extreme, ...]:
         scaled("boulder", "boulders of 1 m, 50 GPa", 1.0, 5e10),
         scaled("far", "1 km from the origin", R, E, 1000.0), concentric(), touching(), corner(), edge(),
         gate(), heavy_on_bed(), light_between(), leaves(),
+        on_mesh("small_triangles", "on triangles of R/50", (1.2 * R, 1.2 * R), (60, 60)),
+        on_mesh("long_triangle", "on a triangle of 1000 diameters", (2000 * R, 20 * R), (1, 1), 300.7 * R),
+        plate_comes_down("fast_wall", "a wall that moves by 1.2 radii a step", 1.2 * R / STEP, 2.5,
+                         duration=20 * STEP, allow=("speed",)),
+        plate_comes_down("crushed", "crushed between two walls", SPEED, 1.002),
     )  # fmt: skip
