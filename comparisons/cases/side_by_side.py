@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
-from gpudem.scene import Domain, Explicit, Output, Pair, Plane, Scene, Time
+from gpudem.scene import Contact, Domain, Explicit, Output, Pair, Plane, Scene, Time
+
+#: Rules of mesh contacts: gpudem's own, which no other code has, and that of LIGGGHTS.
+OWN_RULE, LIGGGHTS_RULE = get_args(Contact.model_fields["mesh_contacts"].annotation)
 
 
 class Spheres:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.cases.side_by_side import every_pair, mesh, plane, traced
+from comparisons.cases.side_by_side import LIGGGHTS_RULE, every_pair, mesh, plane, traced
 from comparisons.oracles.bodies import bodies
 from comparisons.oracles.closed_forms import static_overlap
 from comparisons.oracles.impact import impact
@@ -293,7 +293,7 @@ def on_mesh(
     end = max(length / 2 + 10 * R, 25 * R)
     scene = b.scene(
         name, (), [mesh("floor", flat)], lo=(-end, -25 * R, -10 * R), hi=(end, 25 * R, 35 * R),
-        contact={"mesh_contacts": "liggghts"},
+        contact={"mesh_contacts": LIGGGHTS_RULE},
     )  # fmt: skip
     return Extreme(name, title, scene, rebound_error([(row, None, RESTITUTION)]), 2e-3)
 
@@ -308,7 +308,7 @@ def plate_comes_down(name: str, title: str, speed: float, high: float, **changes
     flat = rectangle((-5 * R, -5 * R, (1 + high) * R), (10 * R, 0, 0), (0, 10 * R, 0))
     motion = [{"type": "linear", "velocity": (0.0, 0.0, -speed)}]
     scene = b.scene(name, walls=[mesh("plate", flat, motion=motion)],
-                    contact={"mesh_contacts": "liggghts"}, **changes)  # fmt: skip
+                    contact={"mesh_contacts": LIGGGHTS_RULE}, **changes)  # fmt: skip
     return Extreme(name, title, scene, no_result, 0.0)
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from comparisons import kit
-from comparisons.cases.side_by_side import mesh
+from comparisons.cases.side_by_side import LIGGGHTS_RULE, OWN_RULE, mesh
 from comparisons.cases.walls.scenes import GRAVITY, RADIUS, every_column, no_contact, on_floor, scene
 from comparisons.oracles.mesh_contacts import nearest_features
 from comparisons.oracles.mesh_shapes import rectangle
@@ -22,7 +22,7 @@ OVER_RIDGE, OVER_RIM, ALONG = 0.1, 0.05, 0.04
 #: By how much the surface falls beyond the ridge [rad]; friction of the rim where a ball rolls.
 RIDGE, ROUGH = math.radians(15), 10.0
 DURATION, SIDE = 0.08, 0.03
-RULES = {"unique": ("gpudem",), "liggghts": None}
+RULES = {OWN_RULE: ("gpudem",), LIGGGHTS_RULE: None}
 #: Rows of the balls of the smooth scene, and of the rough one.
 ON_RIDGE, ON_RIM, ON_SEAM, ROLLS_OFF = slice(0, 2), slice(2, 4), slice(0, 2), 2
 

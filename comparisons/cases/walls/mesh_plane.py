@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from comparisons import kit
-from comparisons.cases.side_by_side import mesh
+from comparisons.cases.side_by_side import LIGGGHTS_RULE, OWN_RULE, mesh
 from comparisons.cases.walls.scenes import (
     COLUMNS,
     RADIUS,
@@ -39,7 +39,7 @@ SIDE = 0.03
 #: falls by (DRUM - RADIUS) pi^2/(2 n^2): 0.2 of the overlap at rest for 480, 0.8 for 240, where the ball
 #: jumps.
 DRUM = 0.015
-FACETS = {"unique": (480, 960, 1920), "liggghts": (240, 480, 960)}
+FACETS = {OWN_RULE: (480, 960, 1920), LIGGGHTS_RULE: (240, 480, 960)}
 BOTH = 960
 #: Angles of the rules: within it contacts are one, or triangles one plane [deg]; defaults of the scene.
 MERGE, CURVATURE = 21.0, 0.256235
@@ -119,7 +119,7 @@ def by_rule(shape: str, tier: kit.Tier, rule: str) -> np.ndarray:
     corners, (_, c) = SHAPES[shape], on_floor()
 
     def contacts(x: np.ndarray) -> list[tuple[float, np.ndarray]]:
-        if rule == "unique":
+        if rule == OWN_RULE:
             return Surface(corners).unique_contacts(x, RADIUS, np.radians(MERGE))
         return LiggghtsRule(corners, np.radians(CURVATURE)).contacts(x, RADIUS)
 
@@ -135,7 +135,7 @@ def variants(tier: kit.Tier) -> list[kit.Variant]:
     found = [kit.Variant("plane_floor", over_floor("plane", "unique"))]
     found += [kit.Variant("plane_box", in_box("plane", "unique"))]
     found += [kit.Variant("cylinder", in_drum(None))]
-    for rule, codes in (("unique", own), ("liggghts", None)):
+    for rule, codes in ((OWN_RULE, own), (LIGGGHTS_RULE, None)):
         found += [kit.Variant(f"{rule}_floor", over_floor("mesh", rule), codes)]
         found += [kit.Variant(f"{rule}_box", in_box("mesh", rule), codes)]
         found += [
@@ -152,7 +152,7 @@ def from_surface(results: kit.Results, code: str) -> dict[str, float]:
     for what in ("floor", "box"):
         plane = results[f"plane_{what}", code]
         found[f"{what}, plane {no_contact(plane)}"] = math.nan if no_contact(plane) else 0.0
-        for rule in ("unique", "liggghts"):
+        for rule in FACETS:
             if (f"{rule}_{what}", code) in results.runs:
                 run = results[f"{rule}_{what}", code]
                 found[f"{what}, {rule}"] = max(
@@ -222,14 +222,11 @@ def draw(results: kit.Results) -> plots.Figure:
                     look |= {"label": f"{plots.name(code)}, {name}" if row == 0 else None}
                     axis.plot(x[:, row, 0], x[:, row, 1], **look)
         axis.set(title=what, xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
-    for label, who in (("unique", "gpudem"), ("liggghts", "gpudem"), ("liggghts", "liggghts")):
-        facets = FACETS[label]
-        if (f"{label}_facets_{BOTH}", who) in results.runs:
-            far = [from_cylinder(results, f"{label}_facets_{n}", who) for n in facets]
-            look = plots.style(
-                who, marker="o" if label == "unique" else "s", label=f"{plots.name(who)}, {label}"
-            )
-            axes[2].loglog(facets, far, **look)
+    for rule, facets in FACETS.items():
+        for code in results.codes(f"{rule}_facets_{BOTH}"):
+            far = [from_cylinder(results, f"{rule}_facets_{n}", code) for n in facets]
+            look = plots.style(code, marker="s" if rule == OWN_RULE else "o", markerfacecolor="none")
+            axes[2].loglog(facets, far, **look | {"label": f"{plots.name(code)}, '{rule}'"})
     axes[2].set(title="facets", xlabel="facets", ylabel="distance from the way in the cylinder / R")
     plots.legend(axes[2])
     return figure
@@ -282,7 +279,7 @@ CASE = kit.Case(
         ),
         kit.per_code(
             "share of random places at which the force is not that of rule 'liggghts'",
-            lambda results, code: differ(results, code, "liggghts"), tolerance=0.0,
+            lambda results, code: differ(results, code, LIGGGHTS_RULE), tolerance=0.0,
             against="LIGGGHTS' rule in six lines, brute force",
             reason="to 1e-6 of the largest force; the shapes have no obtuse corners, where the binary differs"
             " from its rule at 0.24 % of places",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from comparisons import kit
-from comparisons.cases.side_by_side import every_pair, traced
+from comparisons.cases.side_by_side import LIGGGHTS_RULE, every_pair, traced
 from comparisons.oracles.bodies import Bodies, bodies
 from comparisons.oracles.closed_forms import static_overlap
 from gpudem.output.run import Run
@@ -28,7 +28,7 @@ COLUMNS = {
 
 def scene(
     name: str, walls: list[Any], position: Any, velocity: Any, spin: Any = None, *, duration: float,
-    rule: str = "liggghts", friction: float = FRICTION, restitution: float = RESTITUTION,
+    rule: str = LIGGGHTS_RULE, friction: float = FRICTION, restitution: float = RESTITUTION,
     step: float = STEP, every: float | None = None, half: float = HALF, ball: Material = BALL,
     gravity: tuple[float, float, float] = (0.0, 0.0, -GRAVITY), **more: Any,
 ) -> Scene:  # fmt: skip
