@@ -62,7 +62,7 @@ class MeshTables:
         cosine = np.cos(np.radians(self.scene.contact.mesh_curvature))
         nodes, active, first = [], [], 0
         for triangles in meshes.values():
-            own = shared_corners(triangles)
+            own = shared_corners(moved_in(self.scene, triangles))
             nodes.append(own + 3 * first)
             active.append(active_features(own, normals[first : first + len(own)], cosine, triangles))
             first += len(own)
@@ -142,6 +142,13 @@ def _numbered(rows: np.ndarray) -> np.ndarray:
     found = np.zeros(len(rows), np.int64)
     found[order] = np.concatenate([[0], np.cumsum((ordered[1:] != ordered[:-1]).any(axis=1))])
     return found
+
+
+def moved_in(scene: Scene, triangles: np.ndarray) -> np.ndarray:
+    """Triangles, (k, 3, 3), each corner by itself moved in across periodic sides, where ends meet."""
+    lo, size = np.array(scene.domain.lo), np.array(scene.domain.hi) - np.array(scene.domain.lo)
+    sides = np.floor((triangles - lo) / size + 1e-9)  # a corner on the upper side is on the lower one
+    return triangles - np.where(scene.domain.periodic, sides * size, 0.0)  # mutate: joined_across_sides
 
 
 def shared_corners(triangles: np.ndarray) -> np.ndarray:

@@ -31,7 +31,8 @@ class WallMotion:
 
     def __init__(self, scene: Scene, chunk: int, lists_in_chunk: bool = False):
         self.scene, self.chunk, self.lists_in_chunk = scene, chunk, lists_in_chunk
-        self.servos = {w: ServoPath(servo, scene.time.step) for w, servo in scene.servos.items()}
+        liggghts = bool(scene.meshes) and scene.contact.mesh_contacts == "liggghts"
+        self.servos = {w: ServoPath(servo, scene.time.step, liggghts) for w, servo in scene.servos.items()}
         """Of these walls only the next step's place is known."""
         self.paths: dict[int, WallPath | ServoPath] = {
             w: self.servos.get(w) or scene.wall_paths[wall.name]

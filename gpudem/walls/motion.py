@@ -11,6 +11,7 @@ No Warp here: poses are computed on the host in float64, block by block.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -229,10 +230,15 @@ class WallPath:
 
 
 class ServoPath:
-    """Poses of a wall that follows the force on it: known for the last step done and the one to come."""
+    """Poses of a wall that follows the force on it: known for the last step done and the one to come.
 
-    def __init__(self, servo: Servo, dt: float):
-        self.servo, self.dt = servo, dt
+    liggghts: as in LIGGGHTS, a controller with an integral that is at its limit, clip(u) = s with s = 1 or
+    -1, resets the integral to (-s - kp e)/ki: the next steps go the other way; and the set-up after a wall
+    has come or gone has the velocity of the step to come. Source: runs of 3.8.0.
+    """
+
+    def __init__(self, servo: Servo, dt: float, liggghts: bool = False):
+        self.servo, self.dt, self.liggghts = servo, dt, liggghts
         #: Of the last step done and of the next one: step, way [m] along the axis, velocity [m/s]; then the
         #: sum of e dt [s] and the last e.
         self.state = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.nan])
@@ -244,7 +250,8 @@ class ServoPath:
         steps, done = np.arange(first, first + count), int(self.state[0])
         way = np.where(steps <= done, self.state[1], self.state[3])
         way = np.where(steps == self.listed[0], self.listed[1], way)
-        speed = np.where(steps <= done, self.state[2], self.state[4])
+        known = done - int(self.liggghts)  # mutate: servo_in_set_up
+        speed = np.where(steps <= known, self.state[2], self.state[4])
         axis, zero = self.servo.unit_axis, np.zeros((count, 3))
         rotation = np.broadcast_to(np.eye(3), (count, 3, 3))
         return Poses(rotation, way[:, None] * axis, speed[:, None] * axis, zero, zero)
@@ -260,5 +267,7 @@ class ServoPath:
         total += error * self.dt
         change = 0.0 if np.isnan(last) else (error - last) / self.dt
         wanted = servo.kp * error + servo.ki * total + servo.kd * change
+        if self.liggghts and servo.ki > 0 and abs(wanted) > 1:
+            total = (-math.copysign(1.0, wanted) - servo.kp * error) / servo.ki  # mutate: servo_reset
         next_speed = servo.velocity_limit * min(1.0, max(-1.0, wanted))  # mutate: servo_velocity
         self.state[:] = [step, way, speed, way + next_speed * self.dt, next_speed, total, error]

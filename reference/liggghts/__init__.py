@@ -12,7 +12,7 @@ from gpudem.output.directory import begin
 from gpudem.output.run import Run, Timing
 from gpudem.scene import Scene, checks
 from reference.liggghts import binary as program
-from reference.liggghts import dump, limits, recorded
+from reference.liggghts import dump, limits, recorded, wall_loads
 from reference.liggghts.deck import RAW, TRACE, render
 from reference.liggghts.errors import LiggghtsFailed, LiggghtsNotFound
 from reference.liggghts.runner import execute
@@ -55,9 +55,9 @@ def run(
     outcome = execute(deck, directory, binary, ranks=ranks, timeout=timeout, progress=progress)
     console = outcome.console
     traced = dump.trace(scene, directory / TRACE) if scene.output.trace_every is not None else None
-    history, left_out = dump.history(scene, console.blocks), []
+    history, left_out = dump.history(scene, console.blocks, directory / RAW), []
     if history is not None:
-        history, left_out = observables.select(history, scene.output.history, "LIGGGHTS")
+        history, left_out = observables.select(history, wall_loads.chosen(scene), "LIGGGHTS")
     dump.frames(scene, directory)
     timing = Timing(
         particles=len(scene.state), steps=scene.n_steps,

@@ -16,7 +16,7 @@ from typing import Any
 
 from gpudem.extras import from_extra
 from gpudem.scene import Scene
-from reference.liggghts import limits, walls
+from reference.liggghts import limits, wall_loads, walls
 from reference.liggghts.contact_model import model, properties, switches
 from reference.liggghts.decomposition import processors
 
@@ -80,6 +80,7 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
     segments = tuple(Segment(a, b, tuple(w.name for w in present)) for a, b, present in scene.segments)
     facts = {
         "scene": scene, "needs": scene.needs, "segments": segments,
+        "loads": wall_loads.loads(scene), "written": wall_loads.written(scene),
         "primitives": walls.primitives(scene), "changes": walls.changes(scene),
         **_of_meshes(scene, segments[0]),
         "boundary": " ".join("p" if p else "f" for p in scene.domain.periodic),
@@ -142,7 +143,8 @@ def history_columns(scene: Scene) -> list[str]:
     ]
     columns += ["rotational_energy"] if scene.needs.rotation else []
     columns += [f"touch_{name}" for name in walls.primitives(scene)]
-    return columns + (["mesh_contacts"] if walls.same_meshes(scene) else [])
+    columns += ["mesh_contacts"] if walls.same_meshes(scene) else []
+    return columns + [word for load in wall_loads.loads(scene) for word in load.columns]
 
 
 def thermo_stride(scene: Scene) -> int:

@@ -13,6 +13,7 @@ from gpudem.output.frames import FrameWriter
 from gpudem.output.run import HISTORY_COLUMNS, TRACE_COLUMNS
 from gpudem.output.vtu import Frame, FrameError, read_vtu
 from gpudem.scene import Scene
+from reference.liggghts import wall_loads
 from reference.liggghts.deck import RAW, history_columns
 from reference.liggghts.errors import LiggghtsOutputError
 
@@ -35,9 +36,10 @@ def frames(scene: Scene, directory: Path) -> None:
 
     Raises LiggghtsOutputError naming file and step where one is missing, truncated, incomplete or not finite.
     """
-    writer = FrameWriter(directory, scene)
+    writer, ways = FrameWriter(directory, scene), wall_loads.servo_ways(scene, directory / RAW)
     for step in range(0, scene.n_steps + 1, scene.frame_stride):
-        writer.add(step, frame(scene, directory / RAW / f"p_{step:09d}.vtu", step))
+        raw = frame(scene, directory / RAW / f"p_{step:09d}.vtu", step)
+        writer.add(step, raw, {name: way[step] for name, way in ways.items()})
     shutil.rmtree(directory / RAW)
 
 
@@ -128,13 +130,14 @@ def _snapshot(content: bytes, at: int, step: int, n: int) -> tuple[np.ndarray, i
     return table, at
 
 
-def history(scene: Scene, blocks: list[list[str]]) -> pandas.DataFrame | None:
+def history(scene: Scene, blocks: list[list[str]], raw: Path) -> pandas.DataFrame | None:
     """Thermo rows -> HISTORY_COLUMNS, one row for each multiple of the history interval.
 
     A gate removal ends one `run` and starts another, which prints the same step again with the gate gone:
     the row BEFORE the new set-up is kept. `contacts` = particle-particle plus particle-wall contacts, left
     out where meshes come or go (`walls.same_meshes`);
-    potential energy = - sum(m) g . centre [J]. Raises LiggghtsOutputError where a row is missing or broken.
+    potential energy = - sum(m) g . centre [J]; columns of walls follow (`wall_loads.history`), some of them
+    from files in the folder of raw output. Raises LiggghtsOutputError where a row is missing or broken.
     """
     import pandas
 
@@ -170,7 +173,8 @@ def history(scene: Scene, blocks: list[list[str]]) -> pandas.DataFrame | None:
     column.setdefault("rotational_energy", np.zeros(len(rows)))
     if scene.meshes and "mesh_contacts" not in names:
         del column["contacts"]
-    return pandas.DataFrame({name: column[name] for name in HISTORY_COLUMNS if name in column})
+    usual = {name: column[name] for name in HISTORY_COLUMNS if name in column}
+    return pandas.DataFrame(usual | wall_loads.history(scene, raw, column))
 
 
 def _mass(scene: Scene) -> float:

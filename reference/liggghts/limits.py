@@ -9,7 +9,12 @@ from gpudem.scene.laws import acting
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.motion import Servo
 from gpudem.scene.walls import Wall
+<<<<<<< HEAD
 from reference.liggghts.contact_model import laws_of, pairs_of
+=======
+from reference.liggghts import wall_loads
+from reference.liggghts.contact_model import laws_of
+>>>>>>> d85ce20 (Forces, torques, places and work of walls from LIGGGHTS' history, and its servo wall: both agree with gpudem's to 1e-9 at every step; its integral that resets, meshes joined across periodic sides)
 from reference.liggghts.errors import LiggghtsCannotState
 from reference.liggghts.walls import MOTIONS, same_meshes
 
@@ -46,6 +51,14 @@ def warnings(scene: Scene) -> list[str]:
             "history column 'contacts' is left out: LIGGGHTS cannot count contacts with meshes that come"
             " or go"
         )
+    for w, servo in scene.servos.items():
+        if servo.ki > 0 and scene.contact.mesh_contacts != "liggghts":
+            found.append(
+                f"walls.{scene.wall_elements[w].name}.motion: ki = {servo.ki:g} 1/s: where the controller is"
+                " at its limit LIGGGHTS resets the integral so that the wall goes the other way;"
+                " mesh_contacts = 'liggghts' has gpudem follow it"
+            )
+    found += wall_loads.warnings(scene)
     contact = scene.contact
     at_setup = scene.needs.history and contact.tangential_damping and not contact.frictionless_dashpot
     groups = scene.contact_groups.items()
@@ -67,7 +80,7 @@ def check(scene: Scene) -> None:
         if isinstance(wall, Plane):
             found += [f"walls.{wall.name}{problem}" for problem in _plane(wall)]
         elif isinstance(wall, Mesh):
-            found += [f"walls.{wall.name}{problem}" for problem in _mesh(wall)]
+            found += [f"walls.{wall.name}{problem}" for problem in _mesh(scene, wall)]
         elif wall.kind == "cylinder":
             found += [f"walls.{wall.name}{problem}" for problem in _cylinder(wall)]
         else:
@@ -153,14 +166,18 @@ def _cylinder(wall: Wall) -> Iterator[str]:
         yield f".surface_velocity = {belt} m/s: LIGGGHTS moves the surface of a cylinder along its axis only"
 
 
-def _mesh(mesh: Mesh) -> Iterator[str]:
+def _mesh(scene: Scene, mesh: Mesh) -> Iterator[str]:
     """What LIGGGHTS has no words for, after the name of the mesh."""
     if mesh.motion and mesh.surface_velocity is not None:
         yield ".surface_velocity: LIGGGHTS has no belt on a mesh that moves"
     for k, motion in enumerate(mesh.motion):
-        if isinstance(motion, Servo):
-            yield f".motion[{k}].type = 'servo': no deck is written yet for LIGGGHTS' servo wall; gpudem only"
-        elif not isinstance(motion, MOTIONS):
+        limit = scene.skin / (2 * scene.time.step)
+        if isinstance(motion, Servo) and motion.velocity_limit >= limit:
+            yield (
+                f".motion[{k}].velocity_limit = {motion.velocity_limit:g} m/s: LIGGGHTS wants less than half"
+                f" the skin in a step, {limit:g} m/s"
+            )
+        if not isinstance(motion, MOTIONS):
             yield f".motion[{k}].type = {motion.type!r}: LIGGGHTS has no such motion"
 
 

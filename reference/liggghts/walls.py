@@ -14,12 +14,24 @@ import numpy as np
 
 from gpudem.scene import Plane, Scene
 from gpudem.scene.mesh import Mesh
-from gpudem.scene.motion import Linear, Motion, Oscillate, Rotate, Swing, TranslationTable, Turn, TurnTable
+from gpudem.scene.motion import (
+    Linear,
+    Motion,
+    Oscillate,
+    Rotate,
+    Servo,
+    Swing,
+    TranslationTable,
+    Turn,
+    TurnTable,
+)
 from gpudem.scene.walls import Wall
 from reference.liggghts.contact_model import model, switches
 
+#: Added to a square of a distance [m2], for a division by zero ends the run.
+AXIS = "1e-300"
 #: Motions that LIGGGHTS has.
-MOTIONS = (Linear, Oscillate, Rotate, Swing, TranslationTable, TurnTable)
+MOTIONS = (Linear, Oscillate, Rotate, Swing, TranslationTable, TurnTable, Servo)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,6 +45,8 @@ class Primitive:
     """Its words after the type."""
     touches: str
     """Formula of one particle: 1 in contact, else 0."""
+    store: str
+    """The keyword that keeps its force on each particle, or nothing."""
     model: str
     switches: str
 
@@ -42,10 +56,13 @@ class MeshWords:
     """A mesh: its file, and its motions as words after `move/mesh mesh ID`."""
 
     name: str
+    style: str
     type: int
     file: str
     belt: str
     """`surface_vel` and its values, or nothing."""
+    loads: str
+    """Point of its torque, and servo; or nothing."""
     variables: tuple[tuple[str, str], ...]
     """(name, formula) of the variables that its motions read."""
     motions: tuple[str, ...]
@@ -87,6 +104,7 @@ def primitives(scene: Scene) -> dict[str, Primitive]:
     return {
         wall.name: Primitive(
             wall.name, scene.material_index[wall.material] + 1, *_shape(wall),
+            " store_force yes" if wall.name in scene.output.wall_forces else "",
             model(scene, wall), switches(scene, wall),
         )
         for wall in scene.wall_elements
@@ -121,6 +139,20 @@ def _cylinder(wall: Wall) -> tuple[str, str]:
     )
 
 
+def foot(wall: Wall) -> list[str]:
+    """Formulas of the point [m] of a primitive nearest to a particle."""
+    if isinstance(wall, Plane):
+        k = axis_of(wall.normal)
+        return [number(wall.point[k]) if j == k else "xyz"[j] for j in range(3)]
+    axis, point, (radius, *_) = wall.shape()
+    k, found = axis_of(axis), list("xyz")
+    across = {j: f"({'xyz'[j]}-({number(point[j])}))" for j in range(3) if j != k}
+    distance = f"sqrt({'+'.join(f'{a}*{a}' for a in across.values())}+{AXIS})"
+    for j, away in across.items():
+        found[j] = f"({number(point[j])})+({number(radius)})*{away}/{distance}"
+    return found
+
+
 def _shear(wall: Wall) -> str:
     """The belt of a primitive: LIGGGHTS knows one along an axis."""
     if wall.surface_velocity is None:
@@ -139,12 +171,28 @@ def meshes(scene: Scene) -> list[MeshWords]:
     found = []
     for mesh in scene.meshes:
         variables: list[tuple[str, str]] = []
-        motions = [_motion(scene, mesh, k, variables) for k in range(len(mesh.motion))]
+        servo = next((m for m in mesh.motion if isinstance(m, Servo)), None)
+        moves = range(0 if servo else len(mesh.motion))
+        motions = [_motion(scene, mesh, k, variables) for k in moves]
+        style, words = _load(mesh, servo) if servo or mesh.name in scene.output.wall_forces else ("", "")
         belt = "" if mesh.surface_velocity is None else f" surface_vel {vector(mesh.surface_velocity)}"
         kind = scene.material_index[mesh.material] + 1
         name = mesh_file(mesh.name)
-        found.append(MeshWords(mesh.name, kind, name, belt, tuple(variables), tuple(motions)))
+        style = f"mesh/surface{style}"
+        found.append(MeshWords(mesh.name, style, kind, name, belt, words, tuple(variables), tuple(motions)))
     return found
+
+
+def _load(mesh: Mesh, servo: Servo | None) -> tuple[str, str]:
+    """(end of the style, words) of a mesh on which forces are summed; the point moves with it."""
+    point = vector(mesh.torque_point)
+    if servo is None:
+        return "/stress", f" reference_point {point}"
+    return "/stress/servo", (
+        f" com {point} ctrlPV force axis {vector(servo.axis)} target_val {number(servo.target)}"
+        f" vel_max {number(servo.velocity_limit)} kp {number(servo.kp)} ki {number(servo.ki)}"
+        f" kd {number(servo.kd)}"
+    )
 
 
 def _motion(scene: Scene, mesh: Mesh, k: int, variables: list[tuple[str, str]]) -> str:

@@ -221,6 +221,31 @@ def test_place_of_a_servo_when_its_list_was_made():
     assert path.at(5, 2).shift[:, 2] == pytest.approx([way[4], way[5]], abs=1e-15)
 
 
+def test_integral_of_a_servo_at_its_limit_by_the_rule_of_liggghts():
+    """Is reset so that the next steps go the other way; by the other rule it grows on. Catches a reset of
+    another sign, without the proportional part, or under the rule `unique`."""
+    servo = Servo(type="servo", axis=(0, 0, -1), target=40.0, velocity_limit=0.2, kp=1.5, ki=5.0)
+    speeds = {}
+    for liggghts in (False, True):
+        path = ServoPath(servo, DT, liggghts)
+        for step in range(1, 4):
+            path.advance(step, np.zeros(3))
+            speeds[liggghts, step + 1] = -path.at(step + 1, 1).velocity[0, 2]
+    assert [speeds[False, step] for step in (2, 3, 4)] == [0.2, 0.2, 0.2]
+    after = [0.2 * (1.5 + 5 * ((-1 - 1.5) / 5 + k * DT)) for k in (1, 2)]
+    assert [speeds[True, step] for step in (2, 3, 4)] == pytest.approx([0.2, *after], rel=1e-12)
+
+
+def test_velocity_of_a_servo_in_a_later_set_up():
+    """By the rule of LIGGGHTS that of the step to come, else that of the step done."""
+    servo = Servo(type="servo", axis=(0, 0, -1), target=40.0, velocity_limit=0.2, kp=0.5)
+    for liggghts, speed in ((False, 0.0), (True, 0.1)):
+        path = ServoPath(servo, DT, liggghts)
+        path.advance(1, np.zeros(3))
+        assert -path.at(1, 1).velocity[0, 2] == speed
+        assert path.at(1, 1).shift[0, 2] == 0.0
+
+
 def _stop(sim) -> None:
     if sim.time > 0.08:
         raise KeyboardInterrupt

@@ -20,12 +20,15 @@ from tests.reference.test_agreement import worst
 from tests.reference.wall_scenes import (
     CENSUS,
     CYLINDERS,
+    DT,
     FLAT,
     LINEAR,
     MESHES,
     ROTATE,
     RULE,
     SWING,
+    across,
+    grid,
     mesh,
     moved,
     objects,
@@ -124,6 +127,14 @@ def test_corner_where_an_edge_goes_on(name):
 def test_corner_is_that_of_the_binary(name, tmp_path, liggghts):
     """Detects another rule of corners than the binary's."""
     assert_agreement(notch(name), tmp_path, TOLERANCE)
+
+
+def test_a_mesh_is_joined_where_its_ends_meet_across_periodic_sides():
+    """Trap 41: no rim counts there. Detects rims of both ends beside the faces."""
+    scene = across("joined", mesh(**grid(4, 0.1))).replace(time={"duration": 1500 * DT})
+    history = simulate(scene).history
+    assert history is not None
+    assert int(history["contacts"].to_numpy().max()) == 1
 
 
 #: Places about a sphere of 188 facets where an edge is left out for a reason that is not known.

@@ -123,6 +123,13 @@ def drum() -> Scene:
     )
 
 
+def across(name: str, wall: dict, height: float = PRESSED) -> Scene:
+    """A ball that goes over the place where a mesh meets itself across the periodic sides y."""
+    more: dict[str, Any] = {"position": [[0.0179, 0.046, height]], "velocity": [[0.3, 0.8, 0.0]]}
+    scene = rolling(name, wall, steps=3000, **more)
+    return scene.replace(domain={"periodic": (False, True, False)})
+
+
 def bumps(x, y):
     """A smooth rough floor [m]."""
     return 0.0012 * np.sin(900 * x) * np.cos(700 * y) + 0.0005 * np.sin(2000 * y + 1)
@@ -197,6 +204,10 @@ MESHES = {
             mesh("gate", present=(0.005,), motion=[LINEAR], **strips([(0.004, -0.01), (0.004, 0.01)])),
         ],
         position=[[-0.009, -0.003, PRESSED]],
+    ),
+    "periodic_floor": lambda: across("periodic_floor", mesh(motion=[LINEAR], **grid(4, 0.1))),
+    "periodic_ridge": lambda: across(
+        "periodic_ridge", mesh(**grid(4, 0.1, lambda x, y: 0.2 * np.abs(y))), height=0.0122
     ),
 }
 

@@ -19,8 +19,9 @@ import numpy as np
 
 from gpudem.output import observables
 from gpudem.output.frames import FrameWriter
-from gpudem.run import HISTORY_COLUMNS, Run, Timing
+from gpudem.run import Run, Timing
 from gpudem.scene import Scene, checks
+from reference.liggghts import wall_loads
 
 FOLDER = Path(__file__).parent
 SUFFIX = ".npz.xz"
@@ -88,10 +89,8 @@ def recall(key: str, scene: Scene, directory: Path, folder: Path | None = None) 
     timing = Timing(len(scene.state), scene.n_steps, stepping_s=facts["stepping_s"], cores=facts["ranks"])
     history, left_out = None, []
     if parts["history"]:
-        table = pandas.DataFrame(
-            parts["history"], columns=[c for c in HISTORY_COLUMNS if c in parts["history"]]
-        )
-        history, left_out = observables.select(table, scene.output.history, "LIGGGHTS")
+        table = pandas.DataFrame(parts["history"])
+        history, left_out = observables.select(table, wall_loads.chosen(scene), "LIGGGHTS")
     run = Run(
         "liggghts", facts["version"], scene, directory, timing,
         warnings=list(dict.fromkeys([*checks.warnings(scene), *facts["warnings"], *left_out, warning])),

@@ -1,0 +1,235 @@
+"""Force, torque, position and work of walls in a history: what a deck asks for, and what is made of it.
+
+A mesh of `mesh/surface/stress` sums force and torque itself. The force on a plane or a cylinder is the sum of
+what `store_force` keeps of each particle; its torque is that force at the nearest point of the wall. Work is
+derived: force times velocity of the torque point and torque times angular velocity, step by step, from a file
+with a line a step. What cannot be had is left out and said.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from gpudem.contact import registry
+from gpudem.output import observables
+from gpudem.scene import Scene
+from gpudem.scene.mesh import Mesh
+from gpudem.scene.motion import Servo
+from gpudem.scene.walls import Wall
+from gpudem.walls.motion import WallPath
+from reference.liggghts.contact_model import laws_of
+from reference.liggghts.errors import LiggghtsOutputError
+from reference.liggghts.walls import foot, number
+
+#: A belt lies in a face if this share of its velocity, or less, is across it.
+IN_FACE = 1e-12
+
+
+@dataclasses.dataclass(frozen=True)
+class Load:
+    """What a deck asks for of one wall."""
+
+    name: str
+    moments: tuple[str, ...]
+    """Of a primitive: components of the torque on the wall by one particle [N m], as formulas."""
+    columns: tuple[str, ...]
+    """Words of a thermo line: force and torque on the wall [N, N m], of a mesh its torque point [m] too."""
+    sign: int
+    """1: these are on the wall; -1: on the particles."""
+
+    @property
+    def words(self) -> str:
+        """The columns as the end of a line."""
+        return "".join(f" {word}" for word in self.columns)
+
+
+@dataclasses.dataclass(frozen=True)
+class Written:
+    """A wall of which each step's load is written to a file, a line a step."""
+
+    name: str
+    ways: tuple[str, ...]
+    """Of a servo: formulas of its way from the start [m]."""
+    columns: tuple[str, ...]
+    """Words of its load."""
+
+
+def warnings(scene: Scene) -> list[str]:
+    """What is left out of the history's columns of walls, and why, a sentence each."""
+    found = []
+    for wall in _wanted(scene):
+        loads = f"history columns of wall {wall.name!r}"
+        if not _readable(scene, wall):
+            found.append(
+                f"{loads} are left out: LIGGGHTS tells the force only on planes and cylinders that are there"
+                " all the time; state it as a mesh"
+            )
+            continue
+        if isinstance(wall, Mesh):
+            found.append(f"{loads} begin with nan: LIGGGHTS does not sum forces on meshes in the set-up")
+        if _rolls(scene, wall):
+            found.append(
+                f"history columns torque_{wall.name} are left out: LIGGGHTS' torque has no rolling resistance"
+            )
+        elif any(scene.domain.periodic):
+            found.append(
+                f"history columns torque_{wall.name} across periodic sides are left out: LIGGGHTS moves"
+                " particles in at list rebuilds only"
+            )
+        if not _has_work(scene, wall):
+            found.append(f"history column work_{wall.name} is left out: {_why_no_work(wall)}")
+    return found
+
+
+def chosen(scene: Scene) -> list[str] | None:
+    """Names of the history's columns where a scene chooses them; None: all."""
+    if scene.output.history is None:
+        return None
+    return [*scene.output.history, *(name for wall in _wanted(scene) for name in _names(scene, wall))]
+
+
+def _wanted(scene: Scene) -> list[Wall]:
+    return [wall for wall in scene.wall_elements if wall.name in scene.output.wall_forces]
+
+
+def _readable(scene: Scene, wall: Wall) -> bool:
+    """A mesh, which stays known where it is not there; a primitive that is there in every run."""
+    return isinstance(wall, Mesh) or all(wall in present for _, _, present in scene.segments)
+
+
+def _rolls(scene: Scene, wall: Wall) -> bool:
+    return laws_of(scene, wall).rolling != registry.OFF
+
+
+def _turns(wall: Wall) -> bool:
+    return any(motion.turns for motion in wall.motion)
+
+
+def _has_work(scene: Scene, wall: Wall) -> bool:
+    """Whether the work follows from force and torque on the wall."""
+    if _turns(wall):
+        return not _rolls(scene, wall)
+    if isinstance(wall, Mesh) and wall.surface_velocity is not None:
+        belt, edges = np.array(wall.surface_velocity), np.diff(wall.corners, axis=1)
+        normal = np.cross(edges[:, 0], edges[:, 1])
+        across = np.abs(normal @ belt) / np.linalg.norm(normal, axis=1)
+        return bool(across.max() <= IN_FACE * np.linalg.norm(belt))
+    return True
+
+
+def _why_no_work(wall: Wall) -> str:
+    if _turns(wall):
+        return "the wall turns, and LIGGGHTS' torque has no rolling resistance"
+    return "the belt has another direction on each face"
+
+
+def _torques(scene: Scene, wall: Wall) -> list[int]:
+    """The components of its torque that the history has: about a periodic axis the place along it is free."""
+    if _rolls(scene, wall):
+        return []
+    return [k for k in range(3) if not any(scene.domain.periodic[j] for j in range(3) if j != k)]
+
+
+def _names(scene: Scene, wall: Wall) -> list[str]:
+    """The history's columns of a wall, in the order of gpudem's."""
+    if not _readable(scene, wall):
+        return []
+    out = {f"torque_{wall.name}_{a}" for k, a in enumerate("xyz") if k not in _torques(scene, wall)}
+    out |= set() if _has_work(scene, wall) else {f"work_{wall.name}"}
+    return [column.name for column in observables.of_wall(wall.name) if column.name not in out]
+
+
+# -- the deck ----------------------------------------------------------------------------------------------
+
+
+def loads(scene: Scene) -> list[Load]:
+    """Every wall whose load is in the thermo lines."""
+    return [_load(wall) for wall in _wanted(scene) if _readable(scene, wall)]
+
+
+def _load(wall: Wall) -> Load:
+    if isinstance(wall, Mesh):
+        return Load(wall.name, (), tuple(f"f_mesh_{wall.name}[{k}]" for k in range(1, 10)), 1)
+    force = [f"f_force_wall_{wall.name}[{k}]" for k in (1, 2, 3)]
+    lever = [f"({q}-({number(r)}))" for q, r in zip(foot(wall), wall.torque_point, strict=True)]
+    pairs = ((1, 2), (2, 0), (0, 1))
+    moments = tuple(f"{lever[i]}*{force[j]}-{lever[j]}*{force[i]}" for i, j in pairs)
+    return Load(wall.name, moments, tuple(f"c_load_{wall.name}[{k}]" for k in range(1, 7)), -1)
+
+
+def written(scene: Scene) -> list[Written]:
+    """The walls of which each step's load is written: those with work, and servos for their way."""
+    found = []
+    for wall in scene.wall_elements:
+        servo = any(isinstance(motion, Servo) for motion in wall.motion)
+        worked = wall in _wanted(scene) and wall.moves and _readable(scene, wall) and _has_work(scene, wall)
+        if servo or worked:
+            ways = [
+                f"f_mesh_{wall.name}[{k}]-({number(x)})" for k, x in enumerate(wall.torque_point, 7) if servo
+            ]
+            found.append(Written(wall.name, tuple(ways), _load(wall).columns[:6]))
+    return found
+
+
+# -- what the binary has written ---------------------------------------------------------------------------
+
+
+def servo_ways(scene: Scene, folder: Path) -> dict[str, np.ndarray]:
+    """How far each servo wall is from its place at the start in every step [m], (steps + 1, 3), by name."""
+    walls = [scene.wall_elements[w].name for w in scene.servos]
+    return {name: _lines(scene, folder, name)[:, 6:] for name in walls}
+
+
+def history(scene: Scene, folder: Path, thermo: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The columns of walls by name, as gpudem's, at the steps of thermo lines.
+
+    thermo: columns by the words of the deck, and `step`. Raises LiggghtsOutputError.
+    """
+    found: dict[str, np.ndarray] = {}
+    for wall in _wanted(scene):
+        if not _readable(scene, wall):
+            continue
+        load = _load(wall)
+        table = np.stack([thermo[word] for word in load.columns], axis=1)
+        values = load.sign * table[:, :6]
+        point = table[:, 6:] if isinstance(wall, Mesh) else np.tile(wall.torque_point, (len(table), 1))
+        if isinstance(wall, Mesh):
+            values[thermo["step"] == 0] = np.nan  # not summed in the set-up  # mutate: load_in_set_up
+        columns = [*values.T, *point.T, _work(scene, wall, folder)[thermo["step"]]]
+        known = {c.name: v for c, v in zip(observables.of_wall(wall.name), columns, strict=True)}
+        found |= {name: known[name] for name in _names(scene, wall)}
+    return found
+
+
+def _work(scene: Scene, wall: Wall, folder: Path) -> np.ndarray:
+    """Work of the wall on the particles since the start in every step [J], shape (steps + 1,)."""
+    dt, count = scene.time.step, scene.n_steps + 1
+    if not wall.moves or not _has_work(scene, wall):
+        return np.zeros(count)
+    lines = _lines(scene, folder, wall.name)
+    force, torque = _load(wall).sign * lines[:, :3], _load(wall).sign * lines[:, 3:6]
+    power = np.zeros(count)
+    if wall.surface_velocity is not None:
+        power = force @ np.array(wall.surface_velocity)
+    elif lines.shape[1] > 6:
+        power[1:] = np.sum(force[1:] * np.diff(lines[:, 6:], axis=0) / dt, axis=1)
+    else:
+        poses = WallPath(wall.motion, dt, sums=True).at(0, count)
+        point = poses.rotation @ np.array(wall.torque_point) + poses.shift
+        power = np.sum(force * poses.velocity_at(point), axis=1) + np.sum(torque * poses.spin, axis=1)
+    return -np.cumsum(power) * dt  # mutate: work_of_load
+
+
+def _lines(scene: Scene, folder: Path, name: str) -> np.ndarray:
+    """The file of a wall, with zeros for the set-up: shape (steps + 1, columns)."""
+    path, steps = folder / f"load_{name}.txt", np.arange(1, scene.n_steps + 1)
+    try:
+        table = np.loadtxt(path, ndmin=2)
+    except (OSError, ValueError) as error:
+        raise LiggghtsOutputError(f"{path}: {error}") from None
+    if table.size == 0 or not np.array_equal(table[:, 0], steps) or not np.isfinite(table).all():
+        raise LiggghtsOutputError(f"{path}: not a line of numbers for each of the steps 1 to {steps[-1]}")
+    return np.concatenate([np.zeros((1, table.shape[1] - 1)), table[:, 1:]])
