@@ -9,12 +9,8 @@ from gpudem.scene.laws import acting
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.motion import Servo
 from gpudem.scene.walls import Wall
-<<<<<<< HEAD
-from reference.liggghts.contact_model import laws_of, pairs_of
-=======
 from reference.liggghts import wall_loads
-from reference.liggghts.contact_model import laws_of
->>>>>>> d85ce20 (Forces, torques, places and work of walls from LIGGGHTS' history, and its servo wall: both agree with gpudem's to 1e-9 at every step; its integral that resets, meshes joined across periodic sides)
+from reference.liggghts.contact_model import laws_of, pairs_of
 from reference.liggghts.errors import LiggghtsCannotState
 from reference.liggghts.walls import MOTIONS, same_meshes
 
