@@ -19,7 +19,7 @@ from gpudem.scene import Scene
 from reference.liggghts import binary as program
 from reference.liggghts import dump
 from reference.liggghts.console import Console
-from reference.liggghts.deck import LOG, TRACE, Deck, Segment, render
+from reference.liggghts.deck import LOG, RAW, TRACE, Deck, Segment, render
 from reference.liggghts.runner import command, environment, execute
 
 #: Wall-clock limit of a run that nobody watches [s].
@@ -95,7 +95,7 @@ def run(
         if scene.output.trace_every is not None:
             traced = dump.trace(scene, directory / TRACE)
         if len(deck.segments) == len(scene.segments):
-            history = dump.history(scene, console.blocks)
+            history = dump.history(scene, console.blocks, directory / RAW)
     else:
         console, status = _blindly(deck, directory, binary)
         loop_s = sum(seconds for seconds, _, _ in console.loops)
