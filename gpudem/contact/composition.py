@@ -6,6 +6,7 @@ from typing import Any
 import warp as wp
 
 from gpudem.contact import registry
+from gpudem.contact.law import AdhesiveLaw
 from gpudem.contact.names import LawNames
 
 
@@ -42,7 +43,9 @@ def contact_law(names: LawNames, limit_force: bool, reduce: bool, torsion: bool,
 
     With `path` and dt > 0 the damping force is `mean_damping`.
     """
-    stiffness = registry.law("normal", names.normal).stiffness
+    normal_law = registry.law("normal", names.normal)
+    stiffness, adhesive = normal_law.stiffness, isinstance(normal_law, AdhesiveLaw)
+    limiting_load = normal_law.load if adhesive else None
     damping_over_step = mean_damping(names.normal)
     tangential_law: Any = registry.find("tangential", names.tangential)
     rolling_law: Any = registry.find("rolling", names.rolling)
@@ -54,12 +57,16 @@ def contact_law(names: LawNames, limit_force: bool, reduce: bool, torsion: bool,
 
     @wp.func
     def law(c: Any, p: Any, spring: Any, last: Any, dt: Any, step: Any):
-        kn, kt, cn, ct = wp.static(stiffness)(c, p)
+        if wp.static(adhesive):
+            elastic, kn, kt, cn, ct = wp.static(stiffness)(c, p)
+        else:
+            kn, kt, cn, ct = wp.static(stiffness)(c, p)
+            elastic = kn * c.overlap
         damping = -cn * c.normal_velocity
         if wp.static(path):
             if dt > type(dt)(0.0):
                 damping = wp.static(damping_over_step)(c, p, dt)
-        fn = kn * c.overlap + damping  # mutate: normal_force
+        fn = elastic + damping  # mutate: normal_force
         if wp.static(limit_force):
             fn = wp.max(fn, type(fn)(0.0))  # mutate: no_attraction
         force = fn * c.normal
@@ -68,6 +75,8 @@ def contact_law(names: LawNames, limit_force: bool, reduce: bool, torsion: bool,
             force = left * c.normal
             if wp.static(reduce):
                 fn = left  # mutate: tangential_reduce
+        if wp.static(adhesive):
+            fn = wp.static(limiting_load)(c, p, fn)
         n_cross_ft = type(c.normal)()
         if wp.static(tangential_force is not None):
             ft, spring_new = wp.static(tangential_force)(c, p, kt, ct, fn, spring)  # mutate: tangential_law

@@ -124,8 +124,8 @@ class NormalLaw(Law):
     def __init__(self, stiffness: Any, damping_integral: Any):
         self.stiffness, self.damping_integral = stiffness, damping_integral
 
-    def range(self, inputs: PairInputs) -> float:
-        """Largest gap [m] at which the law acts; 0: in contact only."""
+    def range(self, inputs: PairInputs, radius: float) -> float:
+        """Largest gap [m] at which the law acts, of an effective radius [m] at most; 0: in contact only."""
         return 0.0
 
     def contact_time(self, inputs: PairInputs, radius: float, mass: float, speed: float) -> float:
@@ -143,6 +143,20 @@ class NormalLaw(Law):
     def dissipates(self, inputs: PairInputs) -> bool:
         """Whether the normal force depends on the velocity."""
         return self.coefficients_of(inputs)["c_normal"] > 0
+
+
+class AdhesiveLaw(NormalLaw):
+    """A normal law with adhesion: a contact begins at touch, and lasts until a gap at which it breaks.
+
+    stiffness(contact, pair) -> (F_e, k_n, k_t, c_n, c_t), a `wp.func`, F_e the elastic force [N] with
+    adhesion; F_n = F_e - c_n v_n. The overlap of the contact may be negative.
+    load(contact, pair, F_n) -> what limits friction and rolling torque in the place of F_n [N].
+    gap(pair, effective radius) -> gap at which a contact breaks [m]; `range` is its upper bound.
+    """
+
+    def __init__(self, stiffness: Any, load: Any, gap: Any):
+        super().__init__(stiffness, None)
+        self.load, self.gap = load, gap
 
 
 class TangentialLaw(Law):

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gpudem.contact.law import RollingLaw
+from gpudem.contact import registry
+from gpudem.contact.law import AdhesiveLaw, RollingLaw
 from gpudem.errors import GpudemError
 from gpudem.scene import law_parameters, wall_checks
 from gpudem.scene.overlaps import MAX_START_OVERLAP, find_overlaps, lattice_within
@@ -140,7 +141,7 @@ def _pairs(scene: Scene) -> list[str]:
         law = names.normal_law
         if "characteristic_velocity" in law.reads and scene.contact.characteristic_velocity is None:
             found.append(f"contact.characteristic_velocity: missing; {law.name} needs it [m/s]")
-    return found or _ranges(scene)
+    return found or [*_ranges(scene), *_adhesion(scene)]
 
 
 def _ranges(scene: Scene) -> list[str]:
@@ -151,6 +152,28 @@ def _ranges(scene: Scene) -> list[str]:
         for name in sorted(others)
         if scene.contact_range > 0
     ]
+
+
+def _adhesion(scene: Scene) -> list[str]:
+    """What a law with adhesion does not go with."""
+    contact, name = scene.contact, scene.contact.normal
+    if not isinstance(scene.normal_law, AdhesiveLaw):
+        return []
+    key = f"contact.normal = {name!r}"
+    rolling = {names.rolling for names in scene.contact_groups}
+    cohesive = {names.cohesion for names in scene.contact_groups} - {registry.OFF}
+    refused = {
+        "solver.integrator = 'path': has no damping integral of this law; use 'half_step'":
+            scene.solver.integrator == "path",
+        "contact.limit_force = true: would take its attraction away": contact.limit_force,
+        f"contact.cohesion = {', '.join(map(repr, sorted(cohesive)))}: it has an attraction of its own":
+            bool(cohesive),
+        "contact.rolling = 'cdt': its torque k_n overlap mu_r R* would drive a contact of negative overlap":
+            "cdt" in rolling,
+        "walls: meshes: a contact across a gap is not handed on from triangle to triangle; use other walls":
+            bool(scene.meshes),
+    }  # fmt: skip
+    return [f"{key}: {what}" for what, wrong in refused.items() if wrong]
 
 
 # -- space -------------------------------------------------------------------------------------------------

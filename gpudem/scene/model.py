@@ -340,8 +340,9 @@ class Scene(Model):
     @functools.cached_property
     def contact_range(self) -> float:
         """Largest gap [m] across which the normal law acts; 0 for a law of contact."""
-        groups = self.contact_groups.items()
-        return max((names.normal_law.range(pair) for names, pairs in groups for pair in pairs), default=0.0)
+        groups, largest = self.contact_groups.items(), float(self.stated_particles.radius.max())
+        ranges = (names.normal_law.range(pair, largest) for names, pairs in groups for pair in pairs)
+        return max(ranges, default=0.0)
 
     @functools.cached_property
     def contact_pairs(self) -> list[Pair]:

@@ -94,7 +94,7 @@ class Contact(Model):
     model_config = ConfigDict(extra="allow")
 
     normal: Annotated[str, law_name("normal")] = "hertz"
-    """hertz, hertz/stiffness, hooke, hooke/stiffness, or a law of another package."""
+    """hertz, hertz/stiffness, hooke, hooke/stiffness, jkr, or a law of another package."""
     tangential: Annotated[str, law_name("tangential")] = "history"
     """off, no_history, history, or a law of another package."""
     rolling: Annotated[str, law_name("rolling")] = "off"

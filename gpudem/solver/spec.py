@@ -6,7 +6,7 @@ import dataclasses
 from typing import TYPE_CHECKING
 
 from gpudem.contact.coefficients import coefficient_names
-from gpudem.contact.law import Law, RollingLaw
+from gpudem.contact.law import AdhesiveLaw, Law, RollingLaw
 from gpudem.contact.names import LawNames
 from gpudem.scene.size_classes import class_radii
 
@@ -146,12 +146,18 @@ class Spec:
         return any(isinstance(law, RollingLaw) and law.uses_inertia for law in laws)
 
     @property
+    def adhesive(self) -> bool:
+        """Contacts begin at touch and break at a gap (all have the same normal law then)."""
+        return isinstance(self.law_names[0].normal_law, AdhesiveLaw)
+
+    @property
     def contact_history(self) -> bool:
         """Anything of a contact is stored from step to step: lists mark the contacts of the last step.
 
-        LIGGGHTS' rule for meshes asks for them by itself.
+        LIGGGHTS' rule for meshes and laws with adhesion ask for them by themselves.
         """
-        return self.spring_history or self.rolling_history or self.meshes == "liggghts"
+        stored = self.spring_history or self.rolling_history
+        return stored or self.meshes == "liggghts" or self.adhesive
 
     @property
     def per_particle_mass(self) -> bool:

@@ -160,6 +160,48 @@ def entry_access(spec: Spec) -> SimpleNamespace:
 
 
 @functools.cache
+def contact_reach(spec: Spec) -> SimpleNamespace:
+    """Functions for the distance within which two bodies are in contact.
+
+    pair(params, particles, laws, material of i, j, entry, radii of i and j)
+    wall(params, pair, entry, radius)
+
+    The sum of the radii (a wall's is 0), and the range of a law across gaps; with adhesion, for those that
+    were in contact in the last step, the gap at which their contact breaks.
+    """
+    t = structs(spec.precision)
+    real, wide, Params, Particles, Laws = t.real, t.wide, t.Params, t.Particles, laws_struct(spec)
+    pair_of, gap = particle_reader(spec).pair, getattr(spec.law_names[0].normal_law, "gap", None)
+
+    @wp.func
+    def of_pair(
+        params: Params, particles: Particles, laws: Laws, material: wp.int32, j: wp.int32, entry: wp.int32,
+        radius_i: wide, radius_j: wide,
+    ):  # fmt: skip
+        reach = radius_i + radius_j
+        if wp.static(spec.adhesive):
+            if entry >= 0:  # mutate: adhesion_from_touch
+                return reach
+            pair = pair_of(params, particles, laws, material, j)
+            return reach + wide(
+                wp.static(gap)(pair, real(radius_i * radius_j / reach))
+            )  # mutate: pair_breaks
+        if wp.static(spec.long_range):
+            reach += params.range
+        return reach
+
+    @wp.func
+    def of_wall(params: Params, pair: Any, entry: wp.int32, radius: wide):
+        if wp.static(spec.adhesive):
+            if entry >= 0:
+                return radius
+            return radius + wide(wp.static(gap)(pair, real(radius)))  # mutate: wall_contact_breaks
+        return radius + params.range
+
+    return SimpleNamespace(pair=of_pair, wall=of_wall)
+
+
+@functools.cache
 def partial_sums(spec: Spec) -> SimpleNamespace:
     """Functions for the sums of a half list; with a full list they do nothing.
 
@@ -306,6 +348,7 @@ def step_kernel(spec: Spec) -> Any:
     )
     Body, position_of, end_step = body_struct(spec), body_reader(spec, "position"), step_end(spec)
     of, entry_of = particle_reader(spec), entry_access(spec)
+    reach_of, reach_of_wall = contact_reach(spec).pair, contact_reach(spec).wall
     radius_of, mass_of, material_of, pair_of = of.radius, of.mass, of.material, of.pair
     velocity_of, spin_of, velocity_ahead, spin_ahead = of.velocity, of.spin, of.velocity_ahead, of.spin_ahead
     partner, part, spring_of, rolling_of = entry_of.partner, entry_of.part, entry_of.spring, entry_of.rolling
@@ -371,9 +414,7 @@ def step_kernel(spec: Spec) -> Any:
             d = nearest(x - position_of(now, j), params.size)
             rsq = wp.dot(d, d)
             radius_j = radius_of(params, particles, j)
-            reach = radius + radius_j
-            if wp.static(spec.long_range):
-                reach += params.range
+            reach = reach_of(params, particles, laws, material, j, entry, radius, radius_j)
             if not (rsq < reach * reach):
                 part(particles, k, entry, j)  # mutate: forget_partner
                 if wp.static(spec.path):  # may overlap half a step before or after
@@ -421,7 +462,7 @@ def step_kernel(spec: Spec) -> Any:
                 if wp.static(spec.fast_floors):
                     gap = fast_gap(params, walls, particles, k, wall, gap, normal, radius, v, dt)
                 wall_pair = laws.wall_pairs[wall * params.materials + material]  # mutate: wall_coefficients
-                if not (gap <= radius + params.range):
+                if not (gap <= reach_of_wall(params, wall_pair, entry, radius)):
                     part(particles, k, entry, other)  # mutate: forget_wall
                     if wp.static(spec.path):
                         if not (mode & SETUP):

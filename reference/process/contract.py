@@ -89,7 +89,7 @@ class ContactFacts(BaseModel):
     model_config = ConfigDict(extra="allow", use_attribute_docstrings=True, frozen=True)
 
     normal: str
-    """hertz, hertz/stiffness, hooke, hooke/stiffness, or another."""
+    """hertz, hertz/stiffness, hooke, hooke/stiffness, jkr, or another."""
     tangential: str
     """off, no_history, history, or another."""
     rolling: str
