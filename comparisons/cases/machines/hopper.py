@@ -385,7 +385,7 @@ CLOSED = (
         "C of W = C rho_b sqrt(g) (D - 1.4 d)^(5/2) at the widest orifice", factor, lo=0.44, tolerance=0.73,
         against="Beverloo et al. 1961", mark="P",
         reason="0.58; k of 1.0 to 1.8 changes the rate by 25 % at 5.5 d",
-        catches="walls and balls without friction (0.83 at 5.5 d); twice the gravity (0.82); a wrong diameter",
+        catches="walls and balls without friction, or twice the gravity (both 0.82 at 5.5 d)",
     ),
     kit.per_code(
         "balls that leave the hopper elsewhere than through the orifice, or come back", astray, tolerance=0.0,
