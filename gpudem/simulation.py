@@ -149,7 +149,7 @@ class Simulation:
         solver, state = self._solver, self._solver.state
         spec, t, ids = solver.spec, state.types, state.particles.id
         dtype = t.vec3 if name in ("force", "torque") else t.wide3
-        out = wp.zeros(state.n, dtype=dtype, device=self.device)
+        out = wp.zeros(state.present, dtype=dtype, device=self.device)
         if name in ("angular_velocity", "torque") and not spec.rotation:
             return out
         if name == "position":
@@ -201,7 +201,7 @@ class Simulation:
     def _checked(self, name: str, values: Any) -> wp.array:
         if name not in WRITABLE:
             raise GpudemError(f"write: cannot set {name!r}; known: {', '.join(WRITABLE)}")
-        solver, n = self._solver, self._solver.state.n
+        solver, n = self._solver, self._solver.state.present
         if name == "angular_velocity" and not solver.spec.rotation:
             raise GpudemError("write: angular_velocity has no effect: nothing in this scene turns a particle")
         array = np.asarray(values.numpy() if isinstance(values, wp.array) else values)
@@ -218,12 +218,13 @@ class Simulation:
         return wp.array(array.astype(float), dtype=solver.state.types.wide3, device=self.device)
 
     def _property(self, name: str) -> np.ndarray:
-        state = self.scene.state
-        return {"radius": state.radius, "mass": self.scene.masses, "material": state.material}[name]
+        state, n = self.scene.state, self._solver.state.present
+        columns = {"radius": state.radius, "mass": self.scene.masses, "material": state.material}
+        return columns[name][:n]
 
     def _launch(self, kernel: Any, inputs: list[Any], outputs: list[Any]) -> None:
         compile_kernels(self.device, [kernel])
-        wp.launch(kernel, self._solver.state.n, inputs=inputs, outputs=outputs, device=self.device)
+        wp.launch(kernel, self._solver.state.present, inputs=inputs, outputs=outputs, device=self.device)
 
     # -- state of the object -------------------------------------------------------------------------------
 

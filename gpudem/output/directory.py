@@ -105,9 +105,17 @@ def save_scene(directory: Path, scene: Scene) -> None:
     """Write scene.json, and what it takes from files: particles.npz, mesh_NAME.npz. Raises WriteError."""
     data = scene.model_dump()
     if isinstance(scene.particles, FromFile):
-        columns = {field.name: getattr(scene.state, field.name) for field in dataclasses.fields(scene.state)}
+        start = scene.particles_at_start
+        columns = {field.name: getattr(start, field.name) for field in dataclasses.fields(start)}
         write_npz(directory / PARTICLES, columns)
         data["particles"]["path"] = PARTICLES
+    for k, (insert, stated) in enumerate(zip(scene.insert, data["insert"], strict=True)):
+        if insert.path is not None:
+            found = insert.read(scene.material_index)
+            columns = {f.name: getattr(found.state, f.name) for f in dataclasses.fields(found.state)}
+            assert found.time is not None
+            stated |= {"path": f"insert_{k}.npz", "radius": None, "material": None}
+            write_npz(directory / stated["path"], {**columns, "time": found.time})
     for wall, stated in zip(scene.walls, data["walls"], strict=True):
         if isinstance(wall, Mesh) and wall.file is not None:
             vertices, triangles = wall.stated

@@ -168,13 +168,17 @@ def rotational_energy(view: View) -> float:
 
 
 def _centre(view: View) -> np.ndarray:
-    """Centre of mass [m]; it follows particles through periodic sides."""
+    """Centre of mass [m]; it follows particles through periodic sides. NaN without particles."""
+    if not len(view):
+        return np.full(3, np.nan)
     return view.sum("unwrapped_position", weight="mass") / view.total("mass")
 
 
 @observable("potential_energy", "J")
 def potential_energy(view: View) -> float:
     """Of gravity, counted from the origin: - sum of m g . x; x follows particles through periodic sides."""
+    if not len(view):
+        return 0.0
     return -float(view.total("mass") * (_centre(view) @ np.array(view.scene.gravity)))
 
 

@@ -78,7 +78,7 @@ class Recorder:
         """
         step = view.step
         if self.trace_stride and step % self.trace_stride == 0:
-            self._trace.append((step, {name: view.numpy(name) for name in TRACE_COLUMNS}))
+            self._trace.append((step, {name: self._row(view.numpy(name)) for name in TRACE_COLUMNS}))
         if self.history_stride and step % self.history_stride == 0:
             if self._columns is None:
                 self._columns = self._chosen(view)
@@ -93,6 +93,11 @@ class Recorder:
     def add(self, step: int, frame: Frame, contacts: int = 0, unwrapped: np.ndarray | None = None) -> None:
         """As `record`, for a code that has the step as a frame, and `unwrapped` positions [m]."""
         self.record(View.of_frame(self.scene, step, frame, contacts, unwrapped))
+
+    def _row(self, values: np.ndarray) -> np.ndarray:
+        """Of all particles of the run; NaN for those that have not come yet."""
+        absent = len(self.scene.state) - len(values)
+        return np.pad(values, ((0, absent), (0, 0)), constant_values=np.nan) if absent else values
 
     def _chosen(self, view: View) -> list[Observable]:
         names = self.scene.output.history
@@ -142,7 +147,9 @@ class Recorder:
 
     @property
     def trace(self) -> dict[str, np.ndarray] | None:
-        """step, time (t,) and TRACE_COLUMNS (t, n, 3); None if not asked for."""
+        """step, time (t,) and TRACE_COLUMNS (t, n, 3), NaN before a particle has come; None if not asked
+        for.
+        """
         if not self._trace:
             return None
         steps = np.array([s for s, _ in self._trace])

@@ -34,6 +34,7 @@ class Timing:
     """Where the wall-clock time [s] of a run went, and on what."""
 
     particles: int
+    """On average over the steps, where their number varies."""
     steps: int
     stepping_s: float
     """Stepping only: no compiling, set-up or output."""
@@ -67,7 +68,8 @@ class Run:
     notes: dict[str, Any] = dataclasses.field(default_factory=dict)
     """Facts for the provenance section: deck hash, recorded or live, neighbor-list rebuilds, ..."""
     trace: dict[str, np.ndarray] | None = None
-    """step (t,), time (t,), and position, velocity, angular_velocity, force, torque, each (t, n, 3)."""
+    """step (t,), time (t,), and position, velocity, angular_velocity, force, torque, each (t, n, 3); n counts
+    all particles of the run, and before one has come its numbers are NaN."""
     history: pandas.DataFrame | None = None
     """Observables in time: columns HISTORY_COLUMNS, or those of the scene's `output.history`."""
 

@@ -73,7 +73,7 @@ class View:
         return self.step * self.scene.time.step
 
     def __len__(self) -> int:
-        return len(self.scene.state)
+        return self.scene.count_at(self.step)
 
     def __getattr__(self, name: str) -> Any:
         if name in VECTORS or name in SCALARS:
@@ -95,7 +95,8 @@ class View:
         return "position" if plain else name
 
     def _scalar(self, name: str) -> np.ndarray:
-        mass, radius = self.scene.masses, self.scene.state.radius
+        n = len(self)
+        mass, radius = self.scene.masses[:n], self.scene.state.radius[:n]
         if name != "inertia":
             return mass if name == "mass" else radius
         return 0.4 * mass * radius**2  # mutate: moments_of_inertia
@@ -130,9 +131,9 @@ class View:
         state, n = self.scene.state, len(self)
         return {
             "id": np.arange(1, n + 1, dtype=np.int64),
-            "material": state.material.astype(np.int32),
+            "material": state.material[:n].astype(np.int32),
             **{name: self.numpy(name) for name in ("position", "velocity", "angular_velocity")},
-            "radius": state.radius,
+            "radius": state.radius[:n],
             **{name: self.numpy(name) for name in ("force", "torque")},
         }
 
@@ -154,20 +155,28 @@ class View:
 
     def sum(self, name: str, weight: str, squared: bool = False) -> Any:
         """Sum of w_i a_i, three components, or of w_i a_i . a_i; w is one of SCALARS, a one of VECTORS."""
+        if not len(self):
+            return 0.0 if squared else np.zeros(3)
         return self._once(("sum", name, weight, squared), lambda: self._sum(name, weight, squared))
 
     def max(self, name: str) -> tuple[float, float, float]:
-        """Largest value of each component of one of VECTORS."""
+        """Largest value of each component of one of VECTORS; NaN without particles."""
+        if not len(self):
+            return np.nan, np.nan, np.nan
         x, y, z = self._once(("max", name), lambda: self._extreme(name, 1))
         return float(x), float(y), float(z)
 
     def min(self, name: str) -> tuple[float, float, float]:
-        """Smallest value of each component of one of VECTORS."""
+        """Smallest value of each component of one of VECTORS; NaN without particles."""
+        if not len(self):
+            return np.nan, np.nan, np.nan
         x, y, z = self._once(("min", name), lambda: self._extreme(name, -1))
         return float(x), float(y), float(z)
 
     def largest(self, name: str) -> float:
-        """Largest magnitude of one of VECTORS."""
+        """Largest magnitude of one of VECTORS; NaN without particles."""
+        if not len(self):
+            return np.nan
         return self._once(("largest", name), lambda: self._largest(name))
 
     def _sum(self, name: str, weight: str, squared: bool) -> Any:
@@ -212,7 +221,7 @@ class DeviceView(View):
         name = self._same(name)
         if name in VECTORS:
             return self._once(("device", name), lambda: self._read(name))
-        if name not in self._scalars:
+        if name not in self._scalars or len(self._scalars[name]) != len(self):
             import warp as wp
 
             device = self.column("velocity").device

@@ -48,11 +48,26 @@ def read_vtu_and_cells(path: Path) -> tuple[Frame, list[str]]:
     if not path.is_file():
         raise FrameError(f"{path}: no such frame")
     try:
+        if empty := _without_points(path):
+            return empty, []
         mesh = meshio.read(path, file_format="vtu")
     except (Exception, SystemExit) as error:  # meshio raises many kinds, and exits on some broken files
         raise FrameError(f"{path}: truncated or corrupted VTU ({type(error).__name__}: {error})") from error
     frame = {"points": np.asarray(mesh.points), **{k: np.asarray(v) for k, v in mesh.point_data.items()}}
     return frame, list(mesh.cell_data)
+
+
+def _without_points(path: Path) -> Frame | None:
+    """The arrays of a file without points, which meshio cannot read; None for any other file."""
+    with path.open("rb") as file:
+        if b'NumberOfPoints="0"' not in file.read(1000):
+            return None
+    frame: Frame = {"points": np.empty((0, 3))}
+    for array in ElementTree.parse(path).getroot().iterfind("UnstructuredGrid/Piece/PointData/DataArray"):
+        width = int(array.get("NumberOfComponents", "1"))
+        dtype = np.int64 if "Int" in array.get("type", "") else np.float64
+        frame[array.attrib["Name"]] = np.empty((0, width) if width > 1 else 0, dtype)
+    return frame
 
 
 def write_pvd(path: Path, entries: list[tuple[float, int, str]]) -> None:

@@ -1,6 +1,7 @@
 """The statement of a simulation: `Scene` and its sections. No Warp here."""
 
 from gpudem.errors import SceneError
+from gpudem.scene.insertion import InsertList
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.model import Scene
 from gpudem.scene.round_walls import Cone, Cylinder
@@ -28,6 +29,7 @@ __all__ = [
     "Domain",
     "Explicit",
     "FromFile",
+    "InsertList",
     "Lattice",
     "Material",
     "Mesh",

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import collections
 from collections.abc import Callable, Collection
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -76,6 +76,7 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
     if run_check(_radius_units) and units and domain:
         if run_check(_inside) and periodic:
             run_check(_overlaps, "allow")
+            run_check(_inserted_overlaps, "allow", "time")
         if walls and run_check(wall_checks.sizes, "allow"):
             run_check(_behind_walls, "allow", "time")
             run_check(wall_checks.reachable)
@@ -103,9 +104,16 @@ def _unknown(used: list[tuple[str, str]], scene: Scene) -> list[str]:
 
 
 def _particle_materials(scene: Scene) -> list[str]:
-    material = scene.particles.material or ()
-    names = [material] if isinstance(material, str) else list(dict.fromkeys(material))
-    return _unknown([("particles.material", name) for name in names], scene)
+    stated: list[tuple[str, Any]] = [] if scene.particles is None else [("particles", scene.particles)]
+    stated += [(f"insert[{k}]", insert) for k, insert in enumerate(scene.insert)]
+    if not stated:
+        return ["particles: missing; or state what is inserted ([[insert]])"]
+    used = []
+    for key, section in stated:
+        material = section.material or ()
+        names = [material] if isinstance(material, str) else dict.fromkeys(material)
+        used += [(f"{key}.material", name) for name in names]
+    return _unknown(used, scene)
 
 
 def _wall_materials(scene: Scene) -> list[str]:
@@ -183,12 +191,16 @@ def _state(scene: Scene) -> list[str]:
     try:
         state = scene.stated_particles
     except (ValueError, GpudemError) as error:
-        return [f"particles.{error}"]
+        return [f"{error}" if str(error).startswith("insert[") else f"particles.{error}"]
     except MemoryError:
         return ["particles: more than fits in the memory of this machine"]
     if len(state) > MAX_PARTICLES:
         return [f"particles: {len(state)} are too many for 32-bit indices; allowed: <= {MAX_PARTICLES}"]
-    return [] if len(state) else ["particles.position: no particles"]
+    if not len(state):
+        return ["particles.position: no particles"]
+    if scene.particles is not None and not len(state) - len(scene.inserted.step if scene.insert else ()):
+        return ["particles.position: no particles; leave the section out"]
+    return []
 
 
 def _domain(scene: Scene) -> list[str]:
@@ -223,25 +235,32 @@ def _inside(scene: Scene) -> list[str]:
 
 
 def _behind_walls(scene: Scene) -> list[str]:
-    state, found = scene.state, []
+    """Particles in walls that are there when they come; where a wall has moved to by then, a run tells."""
+    state, steps, found = scene.state, scene.arrival_steps, []
     allowed = 2 if "overlap" in scene.allow else MAX_START_OVERLAP
-    for wall in scene.walls_at_start:
-        overlap = wall.overlap(state.position, state.radius)
+    for wall in scene.wall_elements:
+        there = np.array([scene.is_present(wall, step) for step in (0, *scene.insertion_steps)])
+        there = there[np.searchsorted((0, *scene.insertion_steps), steps)] & ((steps == 0) | (not wall.moves))
+        if not there.any():
+            continue
+        overlap = np.where(there, wall.overlap(state.position, state.radius), 0.0)
         bad = overlap > allowed * state.radius
-        if bad.any():
-            i = int(np.argmax(overlap))
+        for what, when, group in (("particles", "", steps == 0), ("insert", " when they come", steps > 0)):
+            if not (bad & group).any():
+                continue
+            i = int(np.argmax(np.where(group, overlap, 0.0)))
             where = "outside" if wall.kind == "plane" else "in"
             found.append(
-                f"particles: {int(bad.sum())} {where} wall {wall.name}; particle {i + 1} reaches"
+                f"{what}: {int((bad & group).sum())} {where} wall {wall.name}{when}; particle {i + 1} reaches"
                 f" {overlap[i]:.3g} m into it (allowed: {allowed:g} radii)"
             )
     return found
 
 
 def _overlaps(scene: Scene) -> list[str]:
-    if "overlap" in scene.allow or len(scene.state) < 2 or lattice_within(scene):
+    state, lo = scene.particles_at_start, np.array(scene.domain.lo)
+    if "overlap" in scene.allow or len(state) < 2 or lattice_within(scene):
         return []
-    state, lo = scene.state, np.array(scene.domain.lo)
     period = np.where(scene.domain.periodic, np.array(scene.domain.hi) - lo, 0.0)
     found = find_overlaps(state.position - lo, state.radius, period, MAX_START_OVERLAP)
     if found is None:
@@ -253,6 +272,28 @@ def _overlaps(scene: Scene) -> list[str]:
         f" {i + 1} and {j + 1} by {found.overlap:.3g} m"
         f" (allowed: {MAX_START_OVERLAP:g} of the smaller radius); waive with allow = ['overlap']"
     ]
+
+
+def _inserted_overlaps(scene: Scene) -> list[str]:
+    """Overlaps of particles that come in one step; with those that are there already only a run can tell."""
+    if "overlap" in scene.allow or not scene.insert:
+        return []
+    state, lo = scene.state, np.array(scene.domain.lo)
+    period = np.where(scene.domain.periodic, np.array(scene.domain.hi) - lo, 0.0)
+    for step in scene.insertion_steps:
+        a, b = scene.count_at(step - 1), scene.count_at(step)
+        if b - a < 2:
+            continue
+        found = find_overlaps(state.position[a:b] - lo, state.radius[a:b], period, MAX_START_OVERLAP)
+        if found is not None:
+            i, j = found.worst
+            return [
+                f"insert: {'' if found.complete else 'at least '}{found.count} pairs that come in step {step}"
+                f" ({step * scene.time.step:.6g} s) overlap, the worst: {a + i + 1} and {a + j + 1} by"
+                f" {found.overlap:.3g} m (allowed: {MAX_START_OVERLAP:g} of the smaller radius);"
+                " waive with allow = ['overlap']"
+            ]
+    return []
 
 
 # -- units and time ----------------------------------------------------------------------------------------
@@ -315,10 +356,13 @@ def _gravity_units(scene: Scene) -> list[str]:
 
 
 def _radius_units(scene: Scene) -> list[str]:
-    largest = float(scene.stated_particles.radius.max())
+    radius = scene.stated_particles.radius
+    largest = float(radius.max())
     if largest <= 1.5 or "unusual_units" in scene.allow:
         return []
-    return [f"particles.radius = {largest:g} m: {largest:g} mm is {largest / 1e3:g} m; {_WAIVE_UNITS}"]
+    inserted = scene.insert and largest > radius[: len(radius) - len(scene.inserted.step)].max(initial=0.0)
+    key = "insert: radius" if inserted else "particles.radius"
+    return [f"{key} = {largest:g} m: {largest:g} mm is {largest / 1e3:g} m; {_WAIVE_UNITS}"]
 
 
 def _duration(scene: Scene) -> list[str]:

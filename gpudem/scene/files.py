@@ -46,9 +46,10 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 def count_paths_from(data: dict[str, Any], folder: Path) -> None:
     """Let the relative paths of files that a statement names count from a folder."""
-    walls = data.get("walls")
     places = [(data.get("particles"), "path")]
-    places += [(wall, "file") for wall in (walls if isinstance(walls, list) else [])]
+    for sections, key in (("walls", "file"), ("insert", "path")):
+        stated = data.get(sections)
+        places += [(section, key) for section in (stated if isinstance(stated, list) else [])]
     for section, key in places:
         if isinstance(section, dict) and isinstance(section.get(key), str):
             section[key] = str(folder / section[key])
@@ -73,10 +74,10 @@ def json_text(data: dict[str, Any]) -> str:
     parts: list[str] = []
     for key, value in data.items():
         compact = {}
-        if key == "particles":
+        if key == "particles" and value:
             compact = {k: v for k, v in value.items() if isinstance(v, np.ndarray) or k == "material"}
             value = value | {k: f"@{k}" for k in compact}  # no name and no absolute path begins with @
-        elif key == "walls":
+        elif key in ("walls", "insert"):
             items = [(f"{i}.{k}", v) for i, wall in enumerate(value) for k, v in wall.items()]
             compact = {name: v for name, v in items if isinstance(v, np.ndarray)}
             marks = [{k: f"@{i}.{k}" for k in w if f"{i}.{k}" in compact} for i, w in enumerate(value)]

@@ -23,7 +23,8 @@ from gpudem.contact import registry
 from gpudem.contact.law import Law, NormalLaw, PairInputs
 from gpudem.contact.names import LawNames
 from gpudem.errors import SceneError
-from gpudem.scene import checks, files, laws, overlaps, time_step
+from gpudem.scene import checks, files, insertion, laws, overlaps, time_step
+from gpudem.scene.insertion import Inserted, InsertList
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.motion import Servo
 from gpudem.scene.packing import InitialState, lattice
@@ -95,8 +96,10 @@ class Scene(Model):
     """Contact properties of every two materials that can touch."""
     contact: Contact = Contact()
     """The contact law."""
-    particles: Annotated[Explicit | FromFile | Lattice, Field(discriminator="source")]
-    """The particles at the start."""
+    particles: Annotated[Explicit | FromFile | Lattice, Field(discriminator="source")] | None = None
+    """The particles at the start; may be left out where some are inserted."""
+    insert: tuple[InsertList, ...] = ()
+    """Particles that come while the scene runs."""
     gravity: Annotated[Vector, vector("m/s2")] = (0.0, 0.0, 0.0)
     """Acceleration of gravity [m/s2]."""
     walls: tuple[WallSection, ...] = ()
@@ -195,32 +198,92 @@ class Scene(Model):
         if not self.output.wall_forces:
             del data["output"]["wall_forces"]
         data["contact"] = {k: v for k, v in data["contact"].items() if (k, v) not in LATER_OF_CONTACT.items()}
+        data["insert"] = [_hashed(columns, digest) for columns in self._insertion_columns()]
+        if not self.insert:
+            del data["insert"]
         if not self.meshes:
             data["contact"] = {k: v for k, v in data["contact"].items() if k not in OF_MESHES}
-        arrays = {k: v for k, v in data["particles"].items() if isinstance(v, np.ndarray)}
+        arrays = {k: v for k, v in (data["particles"] or {}).items() if isinstance(v, np.ndarray)}
         if isinstance(self.particles, FromFile):
             data["particles"]["path"] = ""
-            arrays = {field.name: getattr(self.state, field.name) for field in dataclasses.fields(self.state)}
+            start = self.particles_at_start
+            arrays = {field.name: getattr(start, field.name) for field in dataclasses.fields(start)}
         for name, values in sorted(arrays.items()):
             data["particles"][name] = list(values.shape)
             digest.update(values.tobytes())
         digest.update(json.dumps(data, sort_keys=True).encode())
         return digest.hexdigest()
 
+    def _insertion_columns(self) -> list[dict[str, Any]]:
+        """What is inserted, for the hash, however it is stated."""
+        if not self.insert:
+            return []
+        found = self.inserted
+        columns = {field.name: getattr(found.state, field.name) for field in dataclasses.fields(found.state)}
+        return [{**columns, "step": found.step}]
+
     # -- what follows from the statement -------------------------------------------------------------------
 
     @functools.cached_property
     def state(self) -> InitialState:
-        """Positions, velocities, radii, materials at t = 0, the same numbers for every code.
+        """Positions, velocities, radii, materials when particles come, the same numbers for every code.
 
-        Along periodic sides lo <= x < hi: one on, or rounded to, the upper face is at the lower one.
+        First those at t = 0 (`start_count`), then those that are inserted. Along periodic sides
+        lo <= x < hi: one on, or rounded to, the upper face is at the lower one.
         """
         return self.stated_particles.within(self.domain.lo, self.domain.hi, self.domain.periodic)
 
     @functools.cached_property
+    def particles_at_start(self) -> InitialState:
+        """The particles at t = 0."""
+        return self.state.rows(self.start_count)
+
+    @functools.cached_property
     def stated_particles(self) -> InitialState:
-        """Particles as the lattice, list or file states them. Raises ValueError: it cannot."""
+        """All particles as stated: at the start, then inserted. Raises ValueError: they cannot be."""
+        start = self._stated_at_start()
+        return insertion.joined([start, self.inserted.state]) if self.insert else start
+
+    @functools.cached_property
+    def inserted(self) -> Inserted:
+        """The particles that come in the run. Raises ValueError: naming insertion and key."""
+        return insertion.resolve(self)
+
+    @functools.cached_property
+    def arrival_steps(self) -> np.ndarray:
+        """The step in which each particle comes, ascending, shape (n,); 0: at the start."""
+        steps = np.zeros(len(self.state), np.int64)
+        if self.insert:
+            steps[len(steps) - len(self.inserted.step) :] = self.inserted.step
+        return steps
+
+    def count_at(self, step: int) -> int:
+        """How many particles there are in a step: those of `state` with smaller rows."""
+        return (
+            int(np.searchsorted(self.arrival_steps, step, side="right")) if self.insert else len(self.state)
+        )
+
+    @property
+    def mean_count(self) -> int:
+        """How many particles there are on average over the steps of the run."""
+        steps = np.clip(self.n_steps + 1 - self.arrival_steps, 0, self.n_steps)
+        return round(float(steps.mean()) * len(self.state) / self.n_steps)
+
+    @property
+    def start_count(self) -> int:
+        """How many particles there are at t = 0."""
+        return self.count_at(0)
+
+    @functools.cached_property
+    def insertion_steps(self) -> list[int]:
+        """The steps in which particles come, ascending, each once."""
+        return np.unique(self.inserted.step).tolist() if self.insert else []
+
+    def _stated_at_start(self) -> InitialState:
+        """Particles at the start as the lattice, list or file states them. Raises ValueError: it cannot."""
         p = self.particles
+        if p is None:
+            return InitialState.none()
         if isinstance(p, Lattice):
             return lattice(p, self.material_index)
         if isinstance(p, FromFile):

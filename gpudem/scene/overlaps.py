@@ -57,16 +57,19 @@ def lattice_within(scene: Scene) -> bool:
     A search of a million spheres takes most of a second.
     """
     particles, domain = scene.particles, scene.domain
-    return particles.source == "lattice" and all(
-        a <= b for a, b in zip((*domain.lo, *particles.hi), (*particles.lo, *domain.hi), strict=True)
+    return (
+        particles is not None
+        and particles.source == "lattice"
+        and all(a <= b for a, b in zip((*domain.lo, *particles.hi), (*particles.lo, *domain.hi), strict=True))
     )
 
 
 def largest_start_overlap(scene: Scene) -> float:
     """The largest overlap at the start, as a share of the smaller radius, of particles or at a wall [1]."""
-    state, lo = scene.state, np.array(scene.domain.lo)
+    state, lo = scene.particles_at_start, np.array(scene.domain.lo)
     walls = [
-        float((w.overlap(state.position, state.radius) / state.radius).max()) for w in scene.walls_at_start
+        float((w.overlap(state.position, state.radius) / state.radius).max(initial=0.0))
+        for w in scene.walls_at_start
     ]
     share = max([0.0, *walls])
     if len(state) < 2 or lattice_within(scene):
@@ -78,7 +81,7 @@ def largest_start_overlap(scene: Scene) -> float:
 
 def start_elastic_energy(scene: Scene) -> float:
     """Elastic energy [J] of all overlaps at the start, by the normal law: m* v^2/2 of each release."""
-    state, lo, energy = scene.state, np.array(scene.domain.lo), 0.0
+    state, lo, energy = scene.particles_at_start, np.array(scene.domain.lo), 0.0
     names, mass = list(scene.materials), scene.masses
 
     def released(law: NormalLaw, a: int, partner: str, r: float, m: float, overlap: float) -> float:

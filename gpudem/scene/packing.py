@@ -36,6 +36,16 @@ class InitialState:
     def __len__(self) -> int:
         return len(self.radius)
 
+    @staticmethod
+    def none() -> InitialState:
+        """No particles."""
+        return InitialState.build(np.empty((0, 3)), np.empty(0), np.empty(0, np.int32))
+
+    def rows(self, count: int) -> InitialState:
+        """The first so many of them."""
+        columns = {field.name: getattr(self, field.name)[:count] for field in dataclasses.fields(self)}
+        return self if count == len(self) else InitialState(**columns)
+
     def within(self, lo: Vector, hi: Vector, periodic: tuple[bool, bool, bool]) -> InitialState:
         """The same with positions on, or rounded by float32 beyond, a side lo..hi [m] brought onto it.
 

@@ -10,6 +10,7 @@ A .csv file is UTF-8 text, separated by commas, with a header; .npz and .vtu fil
     material              material (n,)              name, or index into the scene's materials in order of
                                                      statement, from 0; `particles.material` where missing
     id                    id (n,)                    1 to n, each once: the order of the particles
+    time                  time (n,)                  when each comes [s]; files of insertions only
                           force, torque (n, 3)       ignored: they follow from the state
 
 The frames of a run have all of these. The points of a .vtu file are its positions; where an array `position`
@@ -31,7 +32,7 @@ from gpudem.output.archive import ArchiveError, read_npz
 from gpudem.output.vtu import FrameError, read_vtu_and_cells
 from gpudem.scene.packing import FLOAT32, InitialState
 from gpudem.scene.sections import ANGULAR_VELOCITY, POSITION, RADIUS, VELOCITY
-from gpudem.scene.types import each
+from gpudem.scene.types import each, number
 
 Columns = dict[str, np.ndarray]
 
@@ -42,6 +43,8 @@ _NUMBERS = {
     "angular_velocity": ANGULAR_VELOCITY,
     "radius": each(RADIUS),
 }
+#: The same of a file of insertions.
+_TIMED = {**_NUMBERS, "time": each(number("s", 0))}
 #: Columns of our own frames that follow from the state.
 _IGNORED = ("force", "torque")
 #: Columns of a .csv file of each array.
@@ -52,6 +55,7 @@ _CSV_COLUMNS = {
     "radius": ("radius",),
     "material": ("material",),
     "id": ("id",),
+    "time": ("time",),
 }
 
 
@@ -62,10 +66,16 @@ class ParticleFile:
     state: InitialState
     warnings: tuple[str, ...] = ()
     """What a user may not expect of it, one sentence each."""
+    time: np.ndarray | None = None
+    """When each comes [s], shape (n,); of a file of insertions."""
 
 
 def read_particles(
-    path: Path, materials: dict[str, int], material: str | None = None, radius: float | None = None
+    path: Path,
+    materials: dict[str, int],
+    material: str | None = None,
+    radius: float | None = None,
+    timed: bool = False,
 ) -> ParticleFile:
     """Particles from a file; the columns are in the module's docstring.
 
@@ -74,6 +84,7 @@ def read_particles(
         materials: Name -> index of the scene's materials.
         material: Material where the file has none.
         radius: Radius [m] where the file has none.
+        timed: The file has a column `time`.
 
     Raises:
         ValueError: naming file, column and row.
@@ -84,7 +95,7 @@ def read_particles(
             raise ValueError("no such file")
         if reader is None:
             raise ValueError(f"unknown suffix; known: {', '.join(_READERS)}")
-        return _particles(reader(path), materials, material, radius)
+        return _particles(reader(path), materials, material, radius, timed)
     except (ArchiveError, FrameError) as error:
         raise ValueError(f"path = {error}") from None
     except OSError as error:
@@ -94,19 +105,23 @@ def read_particles(
 
 
 def _particles(
-    columns: Columns, materials: dict[str, int], material: str | None, radius: float | None
+    columns: Columns, materials: dict[str, int], material: str | None, radius: float | None, timed: bool
 ) -> ParticleFile:
     """The particles of raw columns, in order of id. Raises ValueError naming the column."""
     warnings: list[str] = []
-    known = (*_NUMBERS, "material", "id", *_IGNORED)
+    checks = _TIMED if timed else _NUMBERS
+    known = (*checks, "material", "id", *_IGNORED)
     columns = _one_position(columns, warnings)
     if "position" not in columns:
         raise ValueError(f"array position needed; found: {', '.join(columns) or 'none'}")
     unknown = [name for name in columns if name not in known]
     if unknown:
         raise ValueError(f"unknown array {unknown[0]!r}; known: {', '.join(known)}")
-    values: dict[str, Any] = {name: _checked(name, columns[name]) for name in _NUMBERS if name in columns}
+    if timed and "time" not in columns:
+        raise ValueError("has no column time [s]")
+    values: dict[str, Any] = {name: _checked(name, columns[name]) for name in checks if name in columns}
     count = len(values["position"])
+    time = _times(values.pop("time"), count) if timed else None
     if "radius" not in values:
         if radius is None:
             raise ValueError("has no column radius; radius: missing [m]")
@@ -130,7 +145,15 @@ def _particles(
         state = InitialState(
             **{f.name: _frozen(getattr(state, f.name)[order]) for f in dataclasses.fields(InitialState)}
         )
-    return ParticleFile(state, tuple(warnings))
+        time = None if time is None else time[order]
+    return ParticleFile(state, tuple(warnings), time)
+
+
+def _times(time: float | np.ndarray, count: int) -> np.ndarray:
+    """One time for each particle [s]. Raises ValueError: not as many as there are particles."""
+    if np.ndim(time) and np.shape(time) != (count,):
+        raise ValueError(f"time has {np.size(time)} rows; must have one for each of the {count} particles")
+    return np.broadcast_to(np.asarray(time, np.float64), (count,))
 
 
 def _frozen(values: np.ndarray) -> np.ndarray:
@@ -141,7 +164,7 @@ def _frozen(values: np.ndarray) -> np.ndarray:
 
 def _checked(name: str, values: np.ndarray) -> float | np.ndarray:
     try:
-        return _NUMBERS[name].check(values)
+        return _TIMED[name].check(values)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
 

@@ -237,6 +237,7 @@ def rounded_times(scene: Scene) -> list[str]:
         *_duration(scene),
         *_intervals(scene),
         *(s for wall in scene.walls for s in _presence(scene, wall)),
+        *_insertions(scene),
     ]
 
 
@@ -251,6 +252,25 @@ def _duration(scene: Scene) -> Iterator[str]:
         )
     elif abs(actual - stated) > ROUNDING * stated:
         yield f"time.duration = {stated:g} s: the run takes {actual:.6g} s, rounded to whole steps"
+
+
+def _insertions(scene: Scene) -> Iterator[str]:
+    """Times of insertions that are rounded, or that the run does not reach."""
+    if not scene.insert:
+        return
+    found, end = scene.inserted, scene.n_steps
+    yield from found.warnings
+    off = np.abs(found.step * scene.time.step - found.time)
+    rounded = off > ROUNDING * np.maximum(found.time, scene.time.step)
+    if rounded.any():
+        k = int(np.argmax(off * rounded))
+        yield (
+            f"insert: the times of {int(rounded.sum())} particles are rounded to whole steps, the worst:"
+            f" {found.time[k]:g} s to step {found.step[k]}, {found.step[k] * scene.time.step:.6g} s"
+        )
+    late = int((found.step > end).sum())
+    if late:
+        yield f"insert: {late} particles come after the end of the run, {end * scene.time.step:.6g} s"
 
 
 def _intervals(scene: Scene) -> Iterator[str]:

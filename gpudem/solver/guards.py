@@ -56,13 +56,24 @@ def speed_limit(scene: Scene) -> float:
     return max(0.0, MAX_MOVE * float(scene.state.radius.min()) / scene.time.step - fastest)
 
 
+def _inserted_energy(scene: Scene, steps: np.ndarray) -> np.ndarray:
+    """Kinetic and potential energy [J] of the particles that have come up to each of these steps."""
+    state, mass, first = scene.state, scene.masses, scene.start_count
+    kinetic = mass * (state.velocity**2).sum(axis=1)
+    kinetic += 0.4 * mass * state.radius**2 * (state.angular_velocity**2).sum(axis=1)
+    brought = 0.5 * kinetic - mass * (state.position @ np.array(scene.gravity))
+    total = np.concatenate([[0.0], np.cumsum(brought[first:])])
+    return total[np.searchsorted(scene.arrival_steps[first:], steps, side="right")]
+
+
 def energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]:
     """Whether kinetic + potential energy grew above its start, which nothing dissipative and closed can do.
 
-    Scale: the kinetic energy at the start and the energy of a fall by one diameter. Particles that overlap at
-    the start release elastic energy: a growth within that has its own cause, and another sentence. Scenes
-    with walls that move or that come in the run, which do work, and those that waive the check of start
-    overlaps, or with cohesion or adhesion, whose energy is not in the history, are left out.
+    What inserted particles bring is taken off. Scale: the kinetic energy at the start and the energy of a
+    fall by one diameter. Particles that overlap at the start release elastic energy: a growth within that has
+    its own cause, and another sentence. Scenes with walls that move or that come in the run, which do work,
+    and those that waive the check of start overlaps, or with cohesion or adhesion, whose energy is not in the
+    history, are left out.
     """
     driven = scene.needs.vibration or any(wall.begin > 0 for wall in scene.wall_elements)
     attracted = scene.needs.cohesion or scene.contact_range > 0
@@ -70,6 +81,8 @@ def energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]
     if history is None or not closed or len(history) < 2:
         return []
     energy = history[["kinetic_energy", "rotational_energy", "potential_energy"]].to_numpy().sum(axis=1)
+    if scene.insert:
+        energy = energy - _inserted_energy(scene, history.step.to_numpy())  # mutate: inserted_energy
     fall = float(scene.masses @ (2 * scene.state.radius)) * float(np.linalg.norm(scene.gravity))
     kinetic = float(history.kinetic_energy.iloc[0] + history.rotational_energy.iloc[0])
     growth = (energy - energy[0]) / max(kinetic + fall, 1e-300)

@@ -124,7 +124,8 @@ class NeighborList:
         self.scratch = t.Particles()
         self.scratch.x_at_rebuild = state.particles.x_at_rebuild  # rebuilding writes it anew
         for name in self._permuted_arrays:
-            setattr(self.scratch, name, wp.zeros_like(getattr(state.particles, name)))
+            # mutate: waiting_particles
+            setattr(self.scratch, name, wp.clone(getattr(state.particles, name)))
         self.kernels = {
             "cells": cell_kernel(spec),
             "gather": gather_kernel(spec),
@@ -205,6 +206,10 @@ class NeighborList:
             self.cell_start = wp.zeros(self.cells + 1, dtype=wp.int32, device=self.state.device)
         self._launches.clear()
 
+    def forget_launches(self) -> None:
+        """The number of particles has changed: launches are recorded anew; `rebuild` must follow."""
+        self._launches.clear()
+
     def _set_grids(self) -> None:
         """The cells of each size class, for the order of sorting and the blocks that `params` now say."""
         state, p = self.state, self.params
@@ -259,11 +264,13 @@ class NeighborList:
         """Cells, order, particle arrays in that order, entries counted, places in the list."""
         state, p = self.state, self.state.particles
         self._run("cells")
-        wp.utils.radix_sort_pairs(self.key, self.order, state.n, end_bit=max(1, self.cells.bit_length()))
+        if state.present:
+            bits = max(1, self.cells.bit_length())
+            wp.utils.radix_sort_pairs(self.key, self.order, state.present, end_bit=bits)
         wp.launch(
             cell_starts,
             self.cells + 1,
-            inputs=[state.n, self.key],
+            inputs=[state.present, self.key],
             outputs=[self.cell_start],
             device=state.device,
         )

@@ -8,6 +8,7 @@ A step kernel does the part from the forces on, and the first half of the next s
 
 from __future__ import annotations
 
+import bisect
 import time
 import warnings
 from collections.abc import Callable
@@ -77,7 +78,7 @@ class Solver:
         self.state = State(scene, self.spec, self.device, self.chunk)
         self.params = self._params()
         self._choose_order(scene.state.position)
-        self.pool = CpuThreadPool(self.state.n, self.params.block, self.device, threads)
+        self.pool = CpuThreadPool(self.state.present, self.params.block, self.device, threads)
         self.laws = self._laws()
         self.neighbors = NeighborList(scene, self.state, self.params, self.pool)
         self.neighbors.on_reallocate = self._invalidate_launches
@@ -159,6 +160,8 @@ class Solver:
     def _choose_order(self, position: np.ndarray) -> None:
         """The order in which particles are sorted, slowest along their longest extent, and its blocks."""
         p = self.params
+        if not len(position):
+            position = self.scene.state.position
         layers = layers_of_cells(position, cell_grid(self.scene)[1])
         p.axes = wp.vec3i(*np.argsort(layers, kind="stable").tolist())
         p.block = block_size(self.state.n, float(layers.max()))
@@ -183,7 +186,7 @@ class Solver:
             self.rewind()
             self._take_full_step_velocities()
             bodies: Any = self.state.now.numpy()
-            self._choose_order(bodies["position"])
+            self._choose_order(bodies["position"][: self.state.present])
             self.pool.partition(self.params.block)  # mutate: slices_of_new_blocks
         before = self._meshes_present
         self._set_walls(walls)
@@ -212,6 +215,7 @@ class Solver:
         self._leave_written_step()
         while steps > 0:
             self._move_walls(self.step_count + 1)
+            self._insert(self.step_count + 1)
             if self._needs_rebuild:
                 self._rebuild()
             done = self._launch_chunk(self._within_reach(min(steps, self.chunk)))
@@ -225,6 +229,7 @@ class Solver:
         """One more step, whose positions, velocities and forces can then be read; `last`: stay there."""
         self._leave_written_step()
         self._move_walls(self.step_count + 1)
+        self._insert(self.step_count + 1)
         if self._needs_rebuild:
             self._rebuild()
         self._launch(WRITE)
@@ -275,8 +280,28 @@ class Solver:
                 self.walls.displacement.assign(places)
 
     def _within_reach(self, steps: int) -> int:
-        """How many of so many steps the list reaches the walls that move; at least one."""
+        """How many of so many steps can be launched at once, at least one: the list reaches the walls that
+        move, and no particle comes after the first of them.
+        """
+        after = bisect.bisect_right(self.scene.insertion_steps, self.step_count + 1)
+        for step in self.scene.insertion_steps[after : after + 1]:
+            steps = min(steps, step - self.step_count - 1)  # mutate: steps_to_insertion
         return max(1, self._motion.steps_within(self.step_count + 1, steps)) if self._motion else steps
+
+    def _insert(self, step: int) -> None:
+        """Puts the particles that come in a step behind those that are there, before its forces."""
+        first, end = self.state.present, self.scene.count_at(step)
+        if end > first:
+            self.state.insert(self.scene, first, end)
+            self._set_present(end)
+            self._needs_rebuild = True  # mutate: rebuild_at_insertion
+
+    def _set_present(self, count: int) -> None:
+        """So many particles are there from now on; a rebuild must follow."""
+        self.state.present = count
+        self.pool.partition(self.params.block, count)
+        self.neighbors.forget_launches()
+        self._invalidate_launches()
 
     def _launch_chunk(self, steps: int) -> int:
         """Launch steps without a check by the host between them; returns how many were done.
@@ -410,7 +435,7 @@ class Solver:
         if not same or counts[3] != self.spec.half_list:
             raise SimulationError("the saved state is of another scene, precision or kind of device")
         self.params.block, self.params.axes = counts[4], wp.vec3i(*counts[5:])  # mutate: restart_order
-        self.pool.partition(self.params.block)
+        self._set_present(self.scene.count_at(counts[0]))  # mutate: present_at_restart
         state.now.assign(saved["now"])
         self.neighbors.reserve(len(saved["neighbor"]))
         for name in self._stored_arrays():
@@ -449,29 +474,31 @@ class Solver:
             SimulationError: a position or velocity that is not a number (NaN); names particle and time.
         """
         state, host, output = self.state, self.state.host, self.state.output
-        row = host(state.particles.id)
+        n = state.present
+        row = host(state.particles.id)[:n]
         if name in ("angular_velocity", "torque") and not self.spec.rotation:
-            return np.zeros((state.n, 3))
-        found, values = np.empty((state.n, 3)), {"unwrapped_position": "position"}.get(name, name)
+            return np.zeros((n, 3))
+        found, values = np.empty((n, 3)), {"unwrapped_position": "position"}.get(name, name)
         array = host(self._written)["position"] if values == "position" else host(getattr(output, name))
-        found[row] = array  # mutate: rows_by_id
+        found[row] = array[:n]  # mutate: rows_by_id
         if values in ("position", "velocity") and not np.isfinite(found).all():
             i = int(np.argwhere(~np.isfinite(found))[0][0])
             at = f"t = {self.step_count * self.scene.time.step:.9g} s (step {self.step_count})"
             raise SimulationError(f"particle {i + 1} has a {values} that is not a number (NaN) at {at}")
         if name == "unwrapped_position" and any(self.scene.domain.periodic):
-            image = np.empty((state.n, 3))
-            image[row] = host(state.particles.image)
+            image = np.empty((n, 3))
+            image[row] = host(state.particles.image)[:n]
             found += image * (np.array(self.scene.domain.hi) - np.array(self.scene.domain.lo))
         return self._inside(found) if name == "position" else found
 
     def frame(self) -> Frame:
         """The written step as a table in order of id, float64. Raises SimulationError for NaN in it."""
+        n = self.state.present
         return {
-            "id": np.arange(1, self.state.n + 1, dtype=np.int64),
-            "material": self.scene.state.material.astype(np.int32),
+            "id": np.arange(1, n + 1, dtype=np.int64),
+            "material": self.scene.state.material[:n].astype(np.int32),
             **{name: self.column(name) for name in ("position", "velocity", "angular_velocity")},
-            "radius": self.scene.state.radius,
+            "radius": self.scene.state.radius[:n],
             **{name: self.column(name) for name in ("force", "torque")},
         }
 

@@ -1,8 +1,9 @@
 # pyright: reportInvalidTypeForm=false
 """The device arrays of one run, with unit and shape for each; an array that the scene does not need is None.
 
-n particles in sorted (cell) order, m walls. Arrays that are None are null on the device: no kernel built for
-this scene touches them.
+n particles in sorted (cell) order, m walls. Where particles are inserted, n is their number at the end: the
+first `present` places hold those that are there, the others wait behind them in order of id. Arrays that are
+None are null on the device: no kernel built for this scene touches them.
 """
 
 import functools
@@ -152,17 +153,21 @@ class State:
     def __init__(self, scene: Scene, spec: Spec, device: Any, chunk: int):
         self.types = t = structs(spec.precision)
         self.spec, self.device, self.n = spec, device, len(scene.state)
-        initial = scene.state
+        self.present = scene.start_count
         self.walls = len(scene.wall_elements)
-        Body = body_struct(spec)
-        bodies = np.zeros(self.n, dtype=Body.numpy_dtype())
-        for name in ("position", "velocity", *(["angular_velocity"] * spec.rotation)):
-            bodies[name] = getattr(initial, name)  # pyright: ignore[reportCallIssue, reportArgumentType]
-        self.now = wp.array(bodies, dtype=Body, device=device)
+        self.now = wp.array(self._bodies(scene, 0, self.n), dtype=body_struct(spec), device=device)
         self.next = wp.zeros_like(self.now)
         self.particles = self._particles(scene, chunk, t)
         self.output: Any = None
         self._views: dict[int, np.ndarray] = {}
+
+    def _bodies(self, scene: Scene, first: int, end: int) -> np.ndarray:
+        """The bodies of these rows of the scene as they come."""
+        bodies = np.zeros(end - first, dtype=body_struct(self.spec).numpy_dtype())
+        for name in ("position", "velocity", *(["angular_velocity"] * self.spec.rotation)):
+            rows = getattr(scene.state, name)[first:end]
+            bodies[name] = rows  # pyright: ignore[reportCallIssue, reportArgumentType]
+        return bodies
 
     def _particles(self, scene: Scene, chunk: int, t: SimpleNamespace) -> Any:
         """The struct `Particles` at the start; the list's own arrays belong to `NeighborList`."""
@@ -191,6 +196,11 @@ class State:
         p.rebuild_pending = zeros(chunk + 1, wp.int32)
         p.rebuild_requested = zeros(chunk + 1, wp.int32)
         return p
+
+    def insert(self, scene: Scene, first: int, end: int) -> None:
+        """Writes the particles of these rows of the scene where they wait; what else they have is there."""
+        bodies = self._bodies(scene, first, end)
+        self.now[first:end].assign(bodies)
 
     def allocate_output(self) -> None:
         """The arrays that output needs, on first use."""

@@ -34,8 +34,9 @@ class CpuThreadPool:
         self._finalizer = weakref.finalize(self, _end, self._jobs)
         self.partition(block)
 
-    def partition(self, block: int) -> None:
-        """Slices of whole blocks of so many particles, for launches recorded from now on."""
+    def partition(self, block: int, n: int | None = None) -> None:
+        """Slices of whole blocks of so many particles, for launches recorded from now on; `n`: of so many."""
+        self.n = self.n if n is None else n
         blocks = -(-self.n // block)
         count = max(1, min(self._max_threads, blocks))
         edges = [min(self.n, block * (blocks * k // count)) for k in range(count + 1)]
@@ -53,6 +54,8 @@ class CpuThreadPool:
         self, kernel: Any, params: Any, inputs: list[Any], outputs: list[Any]
     ) -> Callable[[], None]:
         """A call that runs `kernel(params, begin, *inputs, *outputs)` over all particles."""
+        if self.n == 0:
+            return lambda: None
         # mutate: slice_launch
         launches = [
             wp.launch(

@@ -33,6 +33,7 @@ def sum_kernel(spec: Spec) -> Any:
         # params
         params: Params,
         threads: wp.int32,
+        present: wp.int32,
         # in
         particles: Particles,
         walls: Walls,
@@ -46,7 +47,7 @@ def sum_kernel(spec: Spec) -> Any:
             force[t * params.walls + w] = wp.vec3d()
             torque[t * params.walls + w] = wp.vec3d()
         i = t
-        while i < params.n:
+        while i < present:
             for k in range(particles.wall_start[i], particles.start[i + 1]):
                 entry = particles.neighbor[k]
                 if entry < 0:
@@ -78,7 +79,7 @@ class WallForces:
     def sums(self, params: Any, walls: Any, references: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(force [N], torque [N m] about the references [m]) on each wall: shapes (m, 3)."""
         state = self.state
-        inputs = [params, self.threads, state.particles, walls]
+        inputs = [params, self.threads, state.present, state.particles, walls]
         with quiet():  # the first launch compiles
             wp.launch(
                 sum_kernel(state.spec), self.threads,

@@ -16,7 +16,7 @@ from typing import Any
 
 from gpudem.extras import from_extra
 from gpudem.scene import Scene
-from reference.liggghts import limits, wall_loads, walls
+from reference.liggghts import insertion, limits, wall_loads, walls
 from reference.liggghts.contact_model import model, properties, switches
 from reference.liggghts.decomposition import processors
 
@@ -43,6 +43,8 @@ class Segment:
     """Step at its end."""
     walls: tuple[str, ...]
     """Names of the walls present."""
+    particles: int
+    """How many there are at its end."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,8 +78,10 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
     Raises:
         LiggghtsCannotState: naming every item of the scene that LIGGGHTS has no words for.
     """
-    limits.check(scene)
-    segments = tuple(Segment(a, b, tuple(w.name for w in present)) for a, b, present in scene.segments)
+    limits.check(scene, ranks)
+    segments = tuple(
+        Segment(a, b, tuple(w.name for w in present), scene.count_at(b)) for a, b, present in scene.segments
+    )
     facts = {
         "scene": scene, "needs": scene.needs, "segments": segments,
         "loads": wall_loads.loads(scene), "written": wall_loads.written(scene),
@@ -90,7 +94,10 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "gravity": math.sqrt(math.fsum(c * c for c in scene.gravity)),
         "thermo_stride": thermo_stride(scene), "frame_stride": scene.frame_stride,
         "trace_stride": scene.stride(scene.output.trace_every),
-        "data_file": DATA, "raw": RAW, "trace_file": TRACE,
+        "data_file": DATA if scene.start_count else None, "raw": RAW, "trace_file": TRACE,
+        "box": [side for sides in box(scene) for side in sides],
+        "inserted_kinds": insertion.kinds(scene), "inserted": insertion.balls(scene),
+        "insertion_seeds": insertion.SEEDS,
     }  # fmt: skip
     sections = [
         "header",
@@ -100,6 +107,7 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "meshes",
         "walls",
         "gravity",
+        "insertion",
         "integration",
         "history",
         "frames",
@@ -109,6 +117,7 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "walls": scene.needs.walls,
         "meshes": bool(scene.meshes),
         "gravity": scene.needs.gravity,
+        "insertion": bool(scene.insert),
         "trace": scene.output.trace_every is not None,
     }
     text = [_environment().get_template(f"{s}.j2").render(facts) for s in sections if present.get(s, True)]
@@ -171,7 +180,7 @@ def box(scene: Scene) -> list[tuple[float, float]]:
 
 def data(scene: Scene) -> str:
     """The read_data file: box, `id type diameter density x y z`, `id vx vy vz wx wy wz`; SI units."""
-    s = scene.state
+    s = scene.particles_at_start
     density = [scene.materials[name].density for name in scene.material_index]
     lines = ["gpudem particles", "", f"{len(s)} atoms", f"{len(scene.materials)} atom types", ""]
     lines += [f"{lo:.17g} {hi:.17g} {a}lo {a}hi" for (lo, hi), a in zip(box(scene), "xyz", strict=True)]

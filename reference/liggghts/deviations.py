@@ -19,7 +19,7 @@ from gpudem.scene import Scene
 from reference.liggghts import binary as program
 from reference.liggghts import dump
 from reference.liggghts.console import Console
-from reference.liggghts.deck import LOG, RAW, TRACE, Deck, Segment, render
+from reference.liggghts.deck import LOG, RAW, TRACE, Deck, render
 from reference.liggghts.runner import command, environment, execute
 
 #: Wall-clock limit of a run that nobody watches [s].
@@ -49,7 +49,10 @@ def _in_two_runs(deck: Deck) -> Deck:
     """Three eighths of the steps, then the rest."""
     (whole,) = deck.segments
     middle = whole.first + 3 * (whole.last - whole.first) // 8
-    parts = (Segment(whole.first, middle, whole.walls), Segment(middle, whole.last, whole.walls))
+    parts = (
+        dataclasses.replace(whole, last=middle),
+        dataclasses.replace(whole, first=middle),
+    )
     head, found, tail = deck.text.rpartition(f"run             {whole.last - whole.first}\n")
     if not found or tail:
         raise GpudemError("the deck does not end with its run")

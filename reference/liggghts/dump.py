@@ -55,7 +55,7 @@ def frame(scene: Scene, path: Path, step: int) -> Frame:
             f"{path}: step {step}: no array {', '.join(missing)}; found: {', '.join(raw)}"
         )
     table = {column: raw[name] for name, column in VTU_COLUMNS.items()}
-    ids = np.arange(1, len(scene.state) + 1)
+    ids = np.arange(1, scene.count_at(step) + 1)
     if not np.array_equal(table["id"], ids):
         raise LiggghtsOutputError(
             f"{path}: step {step}: {len(table['id'])} particles, not ids 1 to {len(ids)} in order"
@@ -83,7 +83,7 @@ def wrap(scene: Scene, position: np.ndarray) -> np.ndarray:
 
 def trace(scene: Scene, path: Path) -> dict[str, np.ndarray]:
     """The binary dump of every trace interval: step (t,), time (t,), TRACE_COLUMNS, each (t, n, 3), in id
-    order.
+    order; NaN before a particle has come.
 
     Raises LiggghtsOutputError naming file and step where it is missing, truncated or corrupted.
     """
@@ -92,10 +92,11 @@ def trace(scene: Scene, path: Path) -> dict[str, np.ndarray]:
     if not path.is_file():
         raise LiggghtsOutputError(f"{path}: no such dump (steps 0 to {steps[-1]} expected)")
     content, at = path.read_bytes(), 0
-    values = np.empty((len(steps), n, TRACE_WIDTH))
+    values = np.full((len(steps), n, TRACE_WIDTH), np.nan)
     for k, step in enumerate(steps):
         try:
-            values[k], at = _snapshot(content, at, int(step), n)
+            present = scene.count_at(int(step))
+            values[k, :present], at = _snapshot(content, at, int(step), present)
         except (ValueError, struct.error) as error:
             raise LiggghtsOutputError(f"{path}: truncated or corrupted at step {step}: {error}") from None
     if at != len(content):
@@ -168,7 +169,12 @@ def history(scene: Scene, blocks: list[list[str]], raw: Path) -> pandas.DataFram
         raise LiggghtsOutputError(f"thermo rows do not cover every {stride} steps to {scene.n_steps}")
     centre = np.stack([column[f"centre_{a}"] for a in "xyz"], axis=1)
     column["time"] = column["step"] * scene.time.step
-    column["potential_energy"] = -_mass(scene) * (centre @ np.array(scene.gravity))
+    mass = _mass(scene, column["step"])
+    if scene.insert:
+        centre = np.divide(centre, mass[:, None], out=np.full_like(centre, np.nan), where=mass[:, None] > 0)
+        column |= {f"centre_{axis}": centre[:, k] for k, axis in enumerate("xyz")}
+        column["front_x"] = np.where(mass > 0, column["front_x"], np.nan)
+    column["potential_energy"] = -mass * (np.nan_to_num(centre) @ np.array(scene.gravity))
     column["contacts"] = column["contacts"].round().astype(np.int64)
     column.setdefault("rotational_energy", np.zeros(len(rows)))
     if scene.meshes and "mesh_contacts" not in names:
@@ -177,7 +183,8 @@ def history(scene: Scene, blocks: list[list[str]], raw: Path) -> pandas.DataFram
     return pandas.DataFrame(usual | wall_loads.history(scene, raw, column))
 
 
-def _mass(scene: Scene) -> float:
-    """Mass of all particles [kg]."""
+def _mass(scene: Scene, steps: np.ndarray) -> np.ndarray:
+    """Mass of all particles that there are in these steps [kg]."""
     density = np.array([m.density for m in scene.materials.values()])[scene.state.material]
-    return float(np.sum(density * 4 / 3 * np.pi * scene.state.radius**3))
+    total = np.concatenate([[0.0], np.cumsum(density * 4 / 3 * np.pi * scene.state.radius**3)])
+    return total[[scene.count_at(int(step)) for step in steps]]

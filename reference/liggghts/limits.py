@@ -12,6 +12,7 @@ from gpudem.scene.walls import Wall
 from reference.liggghts import wall_loads
 from reference.liggghts.contact_model import laws_of, pairs_of
 from reference.liggghts.errors import LiggghtsCannotState
+from reference.liggghts.insertion import MOST
 from reference.liggghts.walls import MOTIONS, same_meshes
 
 #: LIGGGHTS: `ERROR: 0.05 < coefficientRestitution <= 1 required` (fix property/global, SI units).
@@ -69,9 +70,9 @@ def warnings(scene: Scene) -> list[str]:
     return found
 
 
-def check(scene: Scene) -> None:
+def check(scene: Scene, ranks: int = 1) -> None:
     """Raises LiggghtsCannotState listing every item of the scene that LIGGGHTS cannot state."""
-    found = [*_pairs(scene), *_laws(scene)]
+    found = [*_pairs(scene), *_laws(scene), *_insertions(scene, ranks)]
     for wall in scene.wall_elements:
         if isinstance(wall, Plane):
             found += [f"walls.{wall.name}{problem}" for problem in _plane(wall)]
@@ -121,6 +122,14 @@ def _laws(scene: Scene) -> Iterator[str]:
                     f"pairs.{law.parameters[-1].name} = {stated[0]:g}: LIGGGHTS wants at least"
                     f" {MIN_ROLLING_STIFFNESS:g}"
                 )
+
+
+def _insertions(scene: Scene, ranks: int) -> Iterator[str]:
+    inserted = len(scene.state) - scene.start_count
+    if inserted > MOST:
+        yield f"insert: {inserted} particles; each is a fix of its own: allowed: <= {MOST}"
+    if inserted and ranks > 1:
+        yield f"insert: on {ranks} MPI ranks LIGGGHTS draws other places; allowed: 1"
 
 
 def _plane(plane: Plane) -> Iterator[str]:

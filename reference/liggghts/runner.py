@@ -170,7 +170,6 @@ def _end(process: subprocess.Popen, patience: float) -> None:
 
 def _believe(console: Console, deck: Deck, directory: Path, status: int | None) -> None:
     """Raises LiggghtsFailed unless everything shows that the run went to its end with all particles."""
-    atoms = int(deck.data.split(" atoms", 1)[0].rsplit("\n", 1)[-1])
     wanted = [s.last - s.first for s in deck.segments]
     if console.deck_line == 0 and status and not console.errors:
         raise LiggghtsNotStarted(f"{_status(status)}, before the first command\n  log: {directory / LOG}")
@@ -184,8 +183,11 @@ def _believe(console: Console, deck: Deck, directory: Path, status: int | None) 
         what = _status(status) + f" at step {console.step} of {deck.segments[-1].last}"
     elif [steps for _, steps, _ in console.loops] != wanted or console.step != deck.segments[-1].last:
         what = f"LIGGGHTS ended early: {len(console.loops)} of {len(wanted)} runs done, step {console.step}"
-    elif any(n != atoms for _, _, n in console.loops):
-        what = f"LIGGGHTS lost particles: {console.loops[-1][2]} of {atoms} left"
+    elif lost := [
+        (n, s) for (*_, n), s in zip(console.loops, deck.segments, strict=True) if n != s.particles
+    ]:
+        left, segment = lost[-1]
+        what = f"LIGGGHTS lost particles: {left} of {segment.particles} left"
     else:
         return
     lines = [what]

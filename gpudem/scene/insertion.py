@@ -1,0 +1,136 @@
+"""Particles that come while a scene runs: stated as lists, resolved to one list in the order of their steps.
+
+A particle that is inserted in step S stands at its position with its velocity when the forces of step S are
+computed, and gets the second half of that step's kick: v(S) = v + dt/2 F(S)/m. The others have made the first
+half kick and the drift of step S. An insertion is no set-up: velocities and springs of the others go on.
+Ids ascend in the order of steps, then of statement, after those of the particles at the start.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AfterValidator, model_validator
+
+from gpudem.scene.packing import InitialState
+from gpudem.scene.particle_files import ParticleFile, read_particles
+from gpudem.scene.sections import ANGULAR_VELOCITY, POSITION, RADIUS, VELOCITY
+from gpudem.scene.types import Model, each, names, number
+
+if TYPE_CHECKING:
+    from gpudem.scene.model import Scene
+
+#: When a particle comes.
+TIME = each(number("s", 0))
+
+
+class InsertList(Model):
+    """Particles listed one by one with the time at which each comes: here, or in a file."""
+
+    kind: Literal["list"]
+    """How particles are stated."""
+    path: Annotated[str, AfterValidator(os.path.abspath)] | None = None
+    """A .csv or .npz file with the columns of a file of particles and `time` [s]."""
+    time: Annotated[float | np.ndarray, TIME] | None = None
+    """When they come [s], rounded to whole steps, at least one: one time for all, or one for each."""
+    position: Annotated[np.ndarray, POSITION] | None = None
+    """Centres [m], shape (n, 3)."""
+    radius: Annotated[float | np.ndarray, each(RADIUS)] | None = None
+    """One radius for all, or one for each [m]; of a file that has none."""
+    material: Annotated[str | tuple[str, ...], names()] | None = None
+    """One material for all, or one for each; of a file that has none, one."""
+    velocity: Annotated[np.ndarray, VELOCITY] | None = None
+    """Velocities [m/s], shape (n, 3); 0 by default."""
+    angular_velocity: Annotated[np.ndarray, ANGULAR_VELOCITY] | None = None
+    """Angular velocities [rad/s], shape (n, 3); 0 by default."""
+
+    @model_validator(mode="after")
+    def _one_statement(self) -> InsertList:
+        listed = [key for key in ("time", "position", "velocity", "angular_velocity")
+                  if getattr(self, key) is not None]  # fmt: skip
+        if self.path is not None and listed:
+            raise ValueError(f"{listed[0]}: stands in the file that path names; state one of both")
+        if self.path is not None and not isinstance(self.radius, float | None):
+            raise ValueError("radius: one for each stands in the file that path names")
+        if self.path is not None and not isinstance(self.material, str | None):
+            raise ValueError("material: one for each stands in the file that path names")
+        if self.path is None:
+            for key, unit in (("time", " [s]"), ("position", " [m]"), ("radius", " [m]"), ("material", "")):
+                if getattr(self, key) is None:
+                    raise ValueError(f"{key}: missing{unit}; or state a path")
+        return self
+
+    def read(self, index: dict[str, int]) -> ParticleFile:
+        """The particles with their times. Raises ValueError naming the key, or file, column and row."""
+        if self.path is not None:
+            radius = self.radius if isinstance(self.radius, float) else None
+            material = self.material if isinstance(self.material, str) else None
+            return read_particles(Path(self.path), index, material, radius, timed=True)
+        assert self.material is not None
+        assert self.position is not None
+        assert self.radius is not None
+        material = (
+            index[self.material] if isinstance(self.material, str) else [index[m] for m in self.material]
+        )
+        state = InitialState.build(self.position, self.radius, material, self.velocity, self.angular_velocity)
+        time = np.asarray(self.time, np.float64)
+        if time.ndim and len(time) != len(state):
+            raise ValueError(
+                f"time has {len(time)} rows; must have one for each of the {len(state)} particles"
+            )
+        return ParticleFile(state, time=np.broadcast_to(time, (len(state),)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Inserted:
+    """All particles that come in a run, in the order of their ids."""
+
+    state: InitialState
+    """Position, velocity, ... in their step."""
+    step: np.ndarray
+    """The step in which each comes, ascending from 1, shape (n,)."""
+    time: np.ndarray
+    """As stated [s], shape (n,)."""
+    warnings: tuple[str, ...] = ()
+    """What a user may not expect of the files, one sentence each."""
+
+
+def resolve(scene: Scene) -> Inserted:
+    """The one list of a scene. Raises ValueError naming the insertion and its key, or file, column, row."""
+    states, times, warnings = [InitialState.none()], [np.empty(0)], []
+    for k, insert in enumerate(scene.insert):
+        try:
+            found = insert.read(scene.material_index)
+        except (ValueError, KeyError) as error:
+            raise ValueError(f"insert[{k}].{error}") from None
+        assert found.time is not None
+        states.append(found.state)
+        times.append(found.time)
+        warnings += [w.replace("particles.", f"insert[{k}].") for w in found.warnings]
+    time = np.concatenate(times)
+    step = np.maximum(1, np.rint(time / scene.time.step).astype(np.int64))
+    order = np.argsort(step, kind="stable")  # mutate: order_of_insertion
+    state = joined(states)
+    columns: dict[str, Any] = {
+        field.name: _frozen(getattr(state, field.name)[order]) for field in dataclasses.fields(state)
+    }
+    return Inserted(InitialState(**columns), step[order], time[order], tuple(warnings))
+
+
+def joined(states: list[InitialState]) -> InitialState:
+    """Particles of several statements, one after the other."""
+    columns: dict[str, Any] = {
+        field.name: _frozen(np.concatenate([getattr(s, field.name) for s in states]))
+        for field in dataclasses.fields(InitialState)
+    }
+    return InitialState(**columns)
+
+
+def _frozen(values: np.ndarray) -> np.ndarray:
+    values = np.ascontiguousarray(values)
+    values.setflags(write=False)
+    return values
