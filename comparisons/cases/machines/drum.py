@@ -232,9 +232,9 @@ CASE = kit.Case(
         kit.Table(
             "What the rule of mesh contacts changes",
             "gpudem with either rule, from the same starts; the difference with its standard error over"
-            " seeds. By LIGGGHTS' rule a ball has a contact with each facet that it reaches; by rule unique it"
-            " has so in the corners of 12 facets (30 degrees), where both rules are the same, and only one on"
-            " finer facets, whose normals differ by less than the merge angle (21 degrees).",
+            " seeds. By LIGGGHTS' rule a ball has a contact with each facet that it reaches; by rule unique"
+            " it has so in the corners of 12 facets (30 degrees), where both rules are the same, and only one"
+            " on finer facets, whose normals differ by less than the merge angle (21 degrees).",
             _rules, tiers=("full",), recorded=True,
         ),
     ),
