@@ -83,7 +83,7 @@ class Drum:
             particles=particles, walls=[wall, *ends], gravity=(0, 0, -GRAVITY),
             domain=Domain(lo=(-outer, -RADIUS, -outer), hi=(outer, LENGTH + RADIUS, outer)),
             time=Time(step=CONTACT_TIME / self.steps_per_contact, duration=self.duration),
-            output=Output(wall_forces=("drum",), **output), allow=("unusual_units",),
+            output=Output(wall_forces=("drum",), **output), allow=("unusual_units", "overlap"),
         )  # fmt: skip
 
 
