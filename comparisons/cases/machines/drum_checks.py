@@ -44,6 +44,7 @@ def measures(results: kit.Results, label: str, code: str) -> dict[str, float]:
             "distance of the center of mass from the axis [mm]": 1e3
             * float(np.hypot(rows["centre_x"], rows["centre_z"]).mean()),
             "power from the moment of weight [mW]": 1e3 * power(rows),
+            "mean torque of the bed on the drum [mN m]": 1e3 * float(rows["torque_drum_y"].mean()),
             "kinetic energy [mJ]": 1e3 * float(rows["kinetic_energy"].mean()),
             "energy of rotation [mJ]": 1e3 * float(rows["rotational_energy"].mean()),
             "Lacey index at the end [1]": float(index[-1]),
@@ -237,6 +238,18 @@ def early(results: kit.Results, code: str, other: str) -> dict[str, float]:
         d = np.hypot(*(a[k].to_numpy()[soon] - b[k].to_numpy()[soon] for k in ("centre_x", "centre_z")))
         touched = a["contacts"].to_numpy()[soon].max() > drums.COUNT
         found[label] = float(d.max()) / (2 * drums.RADIUS) if touched else float("nan")
+    return found
+
+
+def early_torque(results: kit.Results, code: str, other: str) -> dict[str, float]:
+    """Largest difference of the torques about the axis up to EARLY / the largest; NaN without a torque."""
+    found = {}
+    for label in results.labels(code, other, prefix=SAME):
+        a, b = (drums.history(results[label, c]) for c in (code, other))
+        soon = (a["time"] > 0) & (a["time"] < drums.EARLY + 1e-9)  # a set-up may have no torque
+        ours, theirs = a["torque_drum_y"][soon], b["torque_drum_y"][soon]
+        largest = float(np.abs(theirs).max())
+        found[label] = float(np.abs(ours - theirs).max()) / largest if largest > 0 else float("nan")
     return found
 
 
