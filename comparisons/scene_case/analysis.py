@@ -202,27 +202,24 @@ def samples(results: Results, plan: Plan, code: str) -> dict[str, np.ndarray]:
 
 def distributions(
     results: Results, plan: Plan, code: str, other: str
-) -> dict[str, tuple[statistics.Comparison, float]]:
-    """Metric -> (means of two codes by Welch, p corrected for all metrics); metrics that are constant and
-    equal in both are left out.
+) -> dict[str, statistics.Comparison]:
+    """Metric -> comparison of two codes over seeds; metrics that are constant and equal in both are left
+    out.
     """
 
-    def compute() -> dict[str, tuple[statistics.Comparison, float]]:
+    def compute() -> dict[str, statistics.Comparison]:
         one, two = samples(results, plan, code), samples(results, plan, other)
         names = [n for n in one if np.ptp([one[n], two[n]]) > 1e-9 * abs(one[n].mean())]
-        if not names:
-            return {}
-        p = statistics.largest_gap(*(np.array([s[n] for n in names]).T for s in (one, two)))
-        return {n: (statistics.welch(one[n], two[n]), float(q)) for n, q in zip(names, p, strict=True)}
+        return statistics.compare({n: one[n] for n in names}, two) if names else {}
 
     return results.once(("distributions", code, other), compute)
 
 
-def detectable(found: dict[str, tuple[statistics.Comparison, float]]) -> float:
+def detectable(found: dict[str, statistics.Comparison]) -> float:
     """Largest half width of the 95 % intervals of the differences over the standard deviation of a seed."""
     widths = [
         c.half_width / math.sqrt((c.spread[0] ** 2 + c.spread[1] ** 2) / 2)
-        for c, _ in found.values() if max(c.spread) > 0
+        for c in found.values() if max(c.spread) > 0
     ]  # fmt: skip
     return max(widths, default=math.nan)
 

@@ -83,11 +83,11 @@ def distributions(results: Results, plan: Plan, code: str, other: str) -> Measur
     found = analysis.distributions(results, plan, code, other)
     if not found:
         raise Unmeasured("no metric varies")
-    name = min(found, key=lambda n: found[n][1])
-    comparison, p = found[name]
+    name = min(found, key=lambda n: found[n].corrected)
+    comparison = found[name]
     bound = analysis.detectable(found)
     return Measured(
-        p,
+        comparison.corrected,
         note=(
             f"{len(found)} metrics, {plan.seeds} {plan.starts} a code; smallest at"
             f" {name}: {comparison.mean[0]:.5g} and {comparison.mean[1]:.5g}; differences of means above"

@@ -207,9 +207,9 @@ def distributions(results: Results, plan: Plan) -> pandas.DataFrame:
     rows = []
     complete = [code for code in codes.CODES if analysis.has_seeds(results, plan, code)]
     for code, other in codes.pairs(complete):
-        for name, (c, p) in analysis.distributions(results, plan, code, other).items():
+        for name, c in analysis.distributions(results, plan, code, other).items():
             pair = f"{codes.title(code)} / {codes.title(other)}"
-            rows.append((pair, name, *c.mean, *c.spread, c.difference, c.half_width, c.p, p))
+            rows.append((pair, name, *c.mean, *c.spread, c.difference, c.half_width, c.p, c.corrected))
     if not rows:
         raise Unmeasured(
             "no runs over seeds: single runs are compared to the end, or there is no second code"

@@ -90,13 +90,13 @@ def after(plan: Plan, results: Results, code: str, other: str) -> str:
         return "nothing is compared, since runs over seeds are missing"
     found = analysis.distributions(results, plan, code, other)
     over = f"{plan.seeds} {plan.starts}"
-    low = {name: p for name, (_, p) in found.items() if p < analysis.ALPHA}
+    low = {name: c for name, c in found.items() if c.corrected < analysis.ALPHA}
     if low:
-        name = min(low, key=lambda n: low[n])
-        one, two = found[name][0].mean
+        name = min(low, key=lambda n: low[n].corrected)
+        one, two = low[name].mean
         return (
             f"a significant difference over {over} in {len(low)} of {len(found)} metrics, first of all"
-            f" {name}: {one:.4g} against {two:.4g} (corrected p = {low[name]:.2g})"
+            f" {name}: {one:.4g} against {two:.4g} (corrected p = {low[name].corrected:.2g})"
         )
     return (
         f"no significant difference in {len(found)} metrics over {over} (p > {analysis.ALPHA:g}; differences"

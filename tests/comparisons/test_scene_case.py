@@ -330,7 +330,7 @@ def test_the_sentence_on_distributions():
     runs: dict = {(f"seed_{k}", code): None for k in range(1, 6) for code in ("gpudem", "liggghts")}
 
     def said(p: float) -> str:
-        found = {"kinetic energy, mean [J]": (statistics.welch(one, two), p)}
+        found = {"kinetic energy, mean [J]": dataclasses.replace(statistics.welch(one, two), corrected=p)}
         results = Results("quick", runs, {("distributions", "gpudem", "liggghts"): found})
         return headline.after(scene_plan, results, "gpudem", "liggghts")
 
