@@ -200,9 +200,7 @@ def samples(results: Results, plan: Plan, code: str) -> dict[str, np.ndarray]:
     return results.once(("samples", code), compute)
 
 
-def distributions(
-    results: Results, plan: Plan, code: str, other: str
-) -> dict[str, statistics.Comparison]:
+def distributions(results: Results, plan: Plan, code: str, other: str) -> dict[str, statistics.Comparison]:
     """Metric -> comparison of two codes over seeds; metrics that are constant and equal in both are left
     out.
     """
