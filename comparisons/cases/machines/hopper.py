@@ -217,24 +217,24 @@ def at_end(run: Run) -> Any:
     return run.history.iloc[-1]
 
 
-def lifted(results: kit.Results) -> dict[str, kit.Measured]:
-    """Vertical force on all walls of a silo from gpudem's history, against the weight less mass times
-    acceleration of the balls; difference / weight.
+def lifted(results: kit.Results, code: str) -> dict[str, kit.Measured]:
+    """Vertical force on all walls of a silo in the history, against the weight less mass times acceleration
+    of the balls; difference / weight.
     """
     found = {}
-    for label, one in loads(results, "gpudem").items():
-        run = results[label, "gpudem"]
+    for label, one in loads(results, code).items():
+        run = results[label, code]
         down = -sum(at_end(run)[f"force_{wall}_z"] for wall in run.scene.output.wall_forces)
         expected = one.weight + float(run.frames[-1]["force"][:, 2].sum())
         found[label] = kit.Measured(abs(down - expected) / one.weight, down, expected)
     return found
 
 
-def pressed(results: kit.Results) -> dict[str, tuple[float, float]]:
-    """Normal forces on sides and floor of a silo from gpudem's history, and from the overlaps."""
+def pressed(results: kit.Results, code: str) -> dict[str, tuple[float, float]]:
+    """Normal forces on sides and floor of a silo in the history, and from the overlaps."""
     found = {}
-    for label, one in loads(results, "gpudem").items():
-        last = at_end(results[label, "gpudem"])
+    for label, one in loads(results, code).items():
+        last = at_end(results[label, code])
         across = sum(abs(last[f"force_silo_{side}_{side[0]}"]) for side in ("xlo", "xhi", "ylo", "yhi"))
         found[f"{label}, sides"] = across, one.sides
         found[f"{label}, floor"] = abs(last["force_floor_z"]), one.bottom
@@ -417,15 +417,15 @@ CLOSED = (
         " friction of 30 degrees, and equal stresses; a fifth more for a bottom that 25 balls touch",
         catches="normal forces on the sides that do not belong to the load above them",
     ),
-    kit.check(
-        "silo: vertical force on all walls in the history against the balls' weight and acceleration / weight"
-        " (gpudem)",
+    kit.per_code(
+        "silo: vertical force on all walls in the history against the balls' weight and acceleration"
+        " / weight",
         lifted, tolerance=1e-9, against="Newton's second law",
         reason="the same forces in another order: rounding of sums of hundreds",
         catches="a wall's force that lacks friction, or has the wrong sign; a contact left out of its sum",
     ),
-    kit.check(
-        "silo: normal forces on sides and floor in the history against those of overlaps, relative (gpudem)",
+    kit.per_code(
+        "silo: normal forces on sides and floor in the history against those of overlaps, relative",
         pressed, tolerance=0.05, against="Hertz",
         reason="dashpots, which overlaps do not show: 3 % at an overlap of 3 um and 1 mm/s, a fifth of the"
         " speed of the floor",
