@@ -167,9 +167,10 @@ CASE = kit.Case(
     purpose="The two cohesion laws of LIGGGHTS, an attraction in proportion to an area of overlap, act"
     " between spheres of unequal radii and materials, at a plane and in a tube, in oblique impacts with"
     " friction and rolling resistance; the limits of both leave cohesion out, or count it with"
-    " tangential_reduce. The codes agree to rounding at every step. Adhesion (jkr) is gpudem's own: drops on a floor follow the"
-    " law of Johnson, Kendall and Roberts on loading and unloading, pull with 3/2 pi w R at most, lose"
-    " the same energy at any speed, and stick below the speed at which that is all they have.",
+    " tangential_reduce."
+    " The codes agree to rounding at every step. Adhesion (jkr) is gpudem's own: drops on a floor follow"
+    " the law of Johnson, Kendall and Roberts on loading and unloading, pull with 3/2 pi w R at most,"
+    " lose the same energy at any speed, and stick below the speed at which that is all they have.",
     source="LIGGGHTS manual, gran_cohesion_sjkr and sjkr2; Johnson, Kendall and Roberts, Proc. R. Soc. A 324"
     " (1971) 301; Thornton and Ning, Powder Technol. 99 (1998) 154.",
     variants=variants,
@@ -218,8 +219,9 @@ CASE = kit.Case(
     ),
     figures=(
         kit.Figure(
-            "Adhesive contact", "Left: force over overlap, one drop for each work of adhesion, all on one curve in"
-            " these units; line: exact, crosses: gpudem. Right: restitution of the drops; below the sticking speed none leaves.",
+            "Adhesive contact",
+            "Left: force over overlap, one drop for each work of adhesion, all on one curve in these units;"
+            " line: exact, crosses: gpudem. Right: restitution; below the sticking speed no drop leaves.",
             _curves,
         ),
         kit.Figure(
