@@ -113,8 +113,8 @@ class Solver:
         p.cells, p.inv_cell_size = wp.vec3i(*cells), t.wide3(*rate)
         p.is_periodic = wp.vec3i(*[int(side) for side in scene.domain.periodic])
         p.speed_limit = guards.speed_limit(scene) ** 2
-        p.merge_cosine = np.cos(np.radians(scene.contact.merge_angle))
-        p.coplanar_cosine = np.cos(np.radians(scene.contact.mesh_curvature))
+        p.merge_cosine = np.cos(np.radians(scene.contact.merge_angle))  # mutate: merge_angle
+        p.coplanar_cosine = np.cos(np.radians(scene.contact.mesh_curvature))  # mutate: coplanar_angle
         p.overlap_limit = guards.overlap_limit(scene)
         # mutate: move_limit
         p.skin, p.move_limit, p.range = scene.skin, (scene.skin / 2) ** 2, scene.contact_range

@@ -153,7 +153,7 @@ class WallPath:
                 center = point + shift  # mutate: point_carried_along
                 shift = center - rotation @ point
             else:
-                shift, velocity = shift + way, velocity + rate
+                shift, velocity = shift + way, velocity + rate  # mutate: velocity_of_translation
         return Poses(rotation, shift, velocity, spin, center)
 
     # -- composed step by step -----------------------------------------------------------------------------
