@@ -227,7 +227,10 @@ def draw(results: kit.Results) -> plots.Figure:
             far = [from_cylinder(results, f"{rule}_facets_{n}", code) for n in facets]
             look = plots.style(code, marker="s" if rule == OWN_RULE else "o", markerfacecolor="none")
             axes[2].loglog(facets, far, **look | {"label": f"{plots.name(code)}, '{rule}'"})
-    axes[2].set(title="facets", xlabel="facets", ylabel="distance from the way in the cylinder / R")
+    counts = sorted(set().union(*FACETS.values()))
+    axes[2].set(title="off the way in the cylinder", xlabel="facets", ylabel="distance / R")
+    axes[2].set_xticks(counts, [str(n) for n in counts])
+    axes[2].minorticks_off()
     plots.legend(axes[2])
     return figure
 

@@ -326,17 +326,18 @@ CASE = kit.Case(
         ),
         kit.per_code(
             "heights below the threshold, largest smallest difference / height of a flight", once_a_period,
-            tolerance=0.01, against="closed form",
-            reason="3 % nearer to the threshold the eigenvalue is 0.79, which to the power 14, the periods"
-            " before those that count, is 0.04, of a start that is off by 0.2 or less",
+            tolerance=0.02, against="closed form",
+            reason="where in a step an impact begins changes the rebound by up to half a step of the dashpot,"
+            " c_n (v dt)^(1/4) v dt/(2 m), 1 % of the velocity and 2 % of the height. Deviations of the"
+            " start are gone: 0.79^14 of them are left, by the map's eigenvalue 3 % nearer to the threshold",
             catches="a velocity of the plate that does not reach the dashpot: other restitution, so period"
             " two or none",
         ),
         kit.per_code(
             "heights above the threshold, shortfall of their difference / height of a flight", shortfall,
-            tolerance=0.0, against="map of impacts",
-            reason="the map's least difference at accelerations up to 3 % off: what the duration of a"
-            " contact, 1.3 % of the period, changes",
+            tolerance=0.02, against="map of impacts",
+            reason="below the map's least difference at accelerations up to 3 % off, which is what the"
+            " duration of a contact, 1.3 % of the period, changes; 2 % as below the threshold",
             catches="a plate with a smaller amplitude or acceleration; a ball that does not feel it",
         ),
     ),
