@@ -299,10 +299,9 @@ def on_mesh(
 
 
 def plate_comes_down(name: str, title: str, speed: float, high: float, **changes: Any) -> Extreme:
-    """A plate of triangles comes down on a ball that lies on the floor, at a speed [m/s]; no law of contact holds
-    at overlaps of half a radius.
+    """A plate of triangles comes down at a speed [m/s] on a ball that lies on the floor.
 
-    It begins at this height above the center of the ball [R].
+    It begins at this height above the center of the ball [R]. No law of contact holds at overlaps of half R.
     """
     b = Builder()
     row = b.ball("ball", R, (0, 0, R), (0, 0, 0))
