@@ -167,7 +167,7 @@ CASE = kit.Case(
         kit.per_pair(
             f"torque of the bed on the drum, rule {drums.SAME_RULE}: largest difference in {drums.EARLY:g} s"
             " / largest torque", checks.early_torque, tolerance=1e-9, half_step=True,
-            reason="places differ by 1e-12 diameters: times stiffness of a contact and radius of the drum that is"
+            reason="places differ by 1e-12 diameters: times stiffness and radius of the drum that is"
             " 1e-11 of the torque for each of some 40 contacts",
             catches="a torque about another point, of the other sign, or without some facets",
         ),
