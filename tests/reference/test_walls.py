@@ -14,6 +14,7 @@ from gpudem.scene import Scene
 from reference import liggghts as code
 from reference.liggghts import limits
 from reference.liggghts.deck import render
+from reference.liggghts.decomposition import processors
 from reference.liggghts.errors import LiggghtsCannotState
 from tests.reference.scenes import FLOOR, OWN_LAWS, wall_bounce
 from tests.reference.test_agreement import worst
@@ -199,6 +200,24 @@ def test_deck_of_a_mesh_that_goes():
         "fix meshes all wall/gran model hertz tangential history mesh n_meshes 1 meshes mesh_floor",
         "run 4000", "",
     ]  # fmt: skip
+
+
+def test_ranks_are_not_cut_across_a_mesh_that_goes():
+    """Trap 16, for gates of every kind. Detects a gate known by `removed_at` of planes alone."""
+    corners = [(-0.02, 0.01, 0), (0.02, 0.01, 0), (0, 0.01, 0.02)]
+    gate = mesh("gate", vertices=corners, triangles=[(0, 1, 2)], present=(0.0, 0.01))
+    assert processors(rolling("gated", [mesh(**FLAT), gate]), 2) == (2, 1, 1)
+    assert processors(rolling("open", [mesh(**FLAT)]), 2) == (1, 2, 1)
+
+
+@pytest.mark.liggghts
+@pytest.mark.parametrize("name", ["linear_then_rotate", "mesh_gate", "belt"])
+def test_two_ranks_share_meshes(name, tmp_path, liggghts):
+    """One ball, which one rank has at a time: the same bits. Detects a mesh that a rank lacks."""
+    one, two = (code.run(MESHES[name](), tmp_path / str(ranks), ranks=ranks).trace for ranks in (1, 2))
+    assert one is not None
+    assert two is not None
+    assert all(np.array_equal(one[column], two[column]) for column in one)
 
 
 def test_motions_count_from_the_start():
