@@ -26,16 +26,18 @@ def axes(scene: Scene, trace: Mapping[str, np.ndarray]) -> tuple[int | None, int
     """
     gravity = np.abs(np.array(scene.gravity))
     up = int(np.argmax(gravity)) if gravity.any() else None
-    moved = scene.masses @ trace["velocity"].mean(axis=0)
+    moved = scene.masses @ np.nan_to_num(trace["velocity"]).mean(axis=0)
     rest = [k for k in range(3) if k != up]
     return up, max(rest, key=lambda k: abs(float(moved[k])))
 
 
 def energies(scene: Scene, trace: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Kinetic (with rotation) and potential energy [J] in time, each (t,); across periodic sides, along which
-    gravity acts, the potential energy is not defined and is left out.
+    gravity acts, the potential energy is not defined and is left out. Particles that are not there yet have
+    none.
     """
     mass, radius = scene.masses, scene.state.radius
+    trace = {k: np.nan_to_num(trace[k]) for k in ("position", "velocity", "angular_velocity")}
     inertia = 0.4 * mass * radius**2
     kinetic = 0.5 * ((trace["velocity"] ** 2).sum(axis=2) @ mass)
     rotation = 0.5 * ((trace["angular_velocity"] ** 2).sum(axis=2) @ inertia)

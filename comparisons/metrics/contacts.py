@@ -70,7 +70,18 @@ def touching(
 def find(
     position: np.ndarray, radius: np.ndarray, period: np.ndarray, walls: Sequence[Wall] = ()
 ) -> Contacts:
-    """All contacts of a state; `walls` are elementary walls that stand still. Arguments as in `touching`."""
+    """All contacts of a state; `walls` are elementary walls that stand still. Arguments as in `touching`;
+    particles whose place is NaN are not there.
+    """
+    there = np.isfinite(position).all(axis=1)
+    if not there.all():
+        rows = np.flatnonzero(there)
+        if not len(rows):
+            none = np.zeros((0, 2), int)
+            return Contacts(none, np.zeros(0), np.zeros((0, 3)), none, np.zeros(0))
+        found = find(position[rows], radius[rows], period, walls)
+        walled = np.column_stack([rows[found.wall_pairs[:, 0]], found.wall_pairs[:, 1]])
+        return dataclasses.replace(found, pairs=rows[found.pairs], wall_pairs=walled)
     pairs, vector = touching(position, radius, period)
     distance = np.linalg.norm(vector, axis=1)
     overlap = radius[pairs].sum(axis=1) - distance if len(pairs) else np.zeros(0)

@@ -54,7 +54,8 @@ def differences(scene: Scene, a: Trace, b: Trace) -> dict[str, np.ndarray]:
     """Differences of two traces, each (t, n): position [m], speed [m/s]; force [N], torque [N m] if in both.
 
     Positions to the nearest image. "speed" is the larger one of the differences of velocity and of surface
-    velocity R omega. Raises ValueError for traces of different shape or steps.
+    velocity R omega. Of particles that are in neither run yet all are 0; that are in one of them only,
+    infinite. Raises ValueError for traces of different shape or steps.
     """
     if a["position"].shape != b["position"].shape or not np.array_equal(a["step"], b["step"]):
         raise ValueError("traces of different steps or particles")
@@ -62,11 +63,15 @@ def differences(scene: Scene, a: Trace, b: Trace) -> dict[str, np.ndarray]:
     spin = np.linalg.norm(a["angular_velocity"] - b["angular_velocity"], axis=2) * scene.state.radius
     velocity = np.linalg.norm(a["velocity"] - b["velocity"], axis=2)
     loads = [k for k in ("force", "torque") if k in a and k in b]
-    return {
+    found = {
         "position": np.linalg.norm(shift, axis=2),
         "speed": np.maximum(velocity, spin),
         **{k: np.linalg.norm(a[k] - b[k], axis=2) for k in loads},
     }
+    if not scene.insert:
+        return found
+    absent = np.isnan(a["position"][..., 0]) & np.isnan(b["position"][..., 0])
+    return {k: np.where(absent, 0.0, np.nan_to_num(v, nan=np.inf)) for k, v in found.items()}
 
 
 def period(scene: Scene) -> np.ndarray:
@@ -115,7 +120,8 @@ def _loads(
     """Differences of forces and torques over what is allowed, each (t, n); none without forces."""
     if "force" not in found:
         return {}
-    largest = np.linalg.norm(np.maximum(np.abs(a["force"]), np.abs(b["force"])), axis=2).max(axis=1)
+    larger = np.maximum(np.abs(np.nan_to_num(a["force"])), np.abs(np.nan_to_num(b["force"])))
+    largest = np.linalg.norm(larger, axis=2).max(axis=1)
     scale = FORCE_FLOOR * np.maximum.accumulate(largest)
     loads = {"force": found["force"] / np.maximum(allowed["force"], scale)[:, None]}
     if "torque" in found:

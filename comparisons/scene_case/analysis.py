@@ -8,13 +8,14 @@ import math
 import numpy as np
 
 from comparisons.harness import codes
-from comparisons.harness.case import Results
+from comparisons.harness.case import Results, Unmeasured
 from comparisons.metrics import bulk, contacts, growth, parting, statistics
 from comparisons.scene_case import plan as plans
 from comparisons.scene_case.plan import Plan
 from gpudem.output.run import Run
 from gpudem.scene import Scene
 from gpudem.scene.time_step import position_spacing
+from gpudem.solver.guards import inserted_energy
 
 #: What another code may differ by, over what perturbed runs of gpudem differ by: these are few of the ways in
 #: which rounding may develop, and on another one a grazing collision may multiply it.
@@ -119,13 +120,18 @@ def floors(scene: Scene, own: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """
     steps, time = own["step"], own["time"]
     unit = float(np.finfo(np.float64 if scene.solver.precision == "float64" else np.float32).eps)
-    fastest = np.maximum.accumulate(np.linalg.norm(own["velocity"], axis=2).max(axis=1))
-    spin = np.linalg.norm(own["angular_velocity"], axis=2).max(axis=1) * float(scene.state.radius.max())
+    fastest = np.maximum.accumulate(_norm(own["velocity"]).max(axis=1))
+    spin = _norm(own["angular_velocity"]).max(axis=1) * float(scene.state.radius.max())
     walk = np.sqrt(1.0 + steps)
     speed = unit * np.maximum(fastest, np.maximum.accumulate(spin)) * walk
     none = np.full(len(steps), np.finfo(float).tiny)
     position = position_spacing(scene)[0] * walk + speed * time
     return {"position": position, "speed": speed + none, "force": none, "torque": none}
+
+
+def _norm(vectors: np.ndarray) -> np.ndarray:
+    """Magnitudes; 0 of particles that are not there yet."""
+    return np.linalg.norm(np.nan_to_num(vectors), axis=2)
 
 
 def agreement(results: Results, plan: Plan, code: str, other: str) -> Agreement:
@@ -164,7 +170,7 @@ def halving(results: Results, plan: Plan) -> tuple[np.ndarray, np.ndarray]:
     shift = contacts.nearest_image(
         own["position"][:count] - half["position"][:count], parting.period(plan.scene)
     )
-    return own["time"][:count], np.linalg.norm(shift, axis=2).max(axis=1) / diameter(plan.scene)
+    return own["time"][:count], _norm(shift).max(axis=1) / diameter(plan.scene)
 
 
 def resolved(results: Results, plan: Plan) -> float:
@@ -190,6 +196,8 @@ def samples(results: Results, plan: Plan, code: str) -> dict[str, np.ndarray]:
     """Metric -> its values over the seeds of one code."""
 
     def compute() -> dict[str, np.ndarray]:
+        if plan.scene.insert and plan.scene.arrival_steps[-1] > (1 - bulk.LAST) * plan.scene.n_steps:
+            raise Unmeasured("particles come until the end of the run: no state to compare")
         up, flow = bulk.axes(plan.scene, trace(results[plans.SCENE, "gpudem"]))
         rows = [
             bulk.metrics(results[lab, code].scene, trace(results[lab, code]), up, flow)
@@ -231,7 +239,9 @@ class Sanity:
 
     time: np.ndarray
     energy: np.ndarray
-    """Kinetic, potential and elastic energy of normal contacts [J] at these times."""
+    """Kinetic, potential and elastic energy of normal contacts [J] at these times, less what inserted
+    particles have brought.
+    """
     scale: float
     """Largest kinetic energy [J]."""
     contacts: np.ndarray
@@ -263,7 +273,9 @@ def sanity(results: Results, plan: Plan, code: str) -> Sanity:
         )
         kinetic = bulk.energies(scene, whole)["kinetic"]
         return Sanity(
-            part["time"], energy["kinetic"] + energy.get("potential", 0.0) + elastic, float(kinetic.max()),
+            part["time"],
+            energy["kinetic"] + energy.get("potential", 0.0) + elastic - inserted_energy(scene, part["step"]),
+            float(kinetic.max()),
             np.array([len(s) for s in states]),
             max(s.largest_overlap(scene.state.radius) for s in states), _outside(scene, whole),
             _momentum(scene, whole),
@@ -277,7 +289,7 @@ def _busiest(scene: Scene, whole: dict[str, np.ndarray]) -> list[int]:
     if "force" not in whole:
         return []
     weight = scene.masses[:, None] * np.array(scene.gravity)
-    return [int(np.argmax(np.linalg.norm(whole["force"] - weight, axis=2).max(axis=1)))]
+    return [int(np.argmax(_norm(whole["force"] - weight).max(axis=1)))]
 
 
 def elastic_energy(scene: Scene, state: contacts.Contacts, time: float) -> float:
@@ -300,6 +312,8 @@ def _outside(scene: Scene, whole: dict[str, np.ndarray]) -> int:
     slack = 1e-6 * float(scene.state.radius.max())
     lo, hi = np.array(scene.domain.lo) - slack, np.array(scene.domain.hi) + slack
     bad = ~np.isfinite(position) | (position < lo) | (position > hi)
+    there = np.array([scene.count_at(int(step)) for step in whole["step"]])
+    bad &= (np.arange(position.shape[1]) < there[:, None])[..., None]
     return int(bad.any(axis=(0, 2)).sum())
 
 

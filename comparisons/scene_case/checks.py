@@ -60,17 +60,17 @@ def agreement(results: Results, plan: Plan, code: str, other: str) -> Measured:
             "contact.mesh_contacts = 'unique' is a rule of gpudem's own: contacts at edges of meshes differ;"
             " with 'liggghts' the codes can be compared particle by particle"
         )
-    limits = analysis.envelope(results, plan)
+    limits, scene = analysis.envelope(results, plan), plan.scene
     own = analysis.trace(results[plans.SCENE, code])
     inside = limits.time <= limits.horizon
     found = analysis.agreement(results, plan, code, other)
     if found.vacuous:
         raise Unmeasured("rounding has grown beyond the limit before the third time of the trace")
-    moved = float(np.abs(own["position"][inside] - own["position"][0]).max())
+    moved = float(np.abs(np.nan_to_num(own["position"] - scene.state.position)[inside]).max())
     note = f"{inside.sum()} times until {min(limits.horizon, limits.time[-1]):.6g} s"
     if found.parting:
         note += f"; first difference: {found.parting.sentence}"
-    turned = float(np.abs(own["angular_velocity"]).max())
+    turned = float(np.abs(np.nan_to_num(own["angular_velocity"])).max())
     return Measured(found.excess if moved > 0 or turned > 0 else math.nan, note=note)
 
 
@@ -134,7 +134,7 @@ def each(plan: Plan) -> PerCode:
         ]  # fmt: skip
         if energy_defined(scene):
             made.append(_energy(plan, code))
-        if not scene.walls:
+        if not (scene.walls or scene.insert):
             made.append(
                 Check(
                     name=f"momentum, that of gravity taken off: largest change / sum of m |v| ({title})",

@@ -103,7 +103,9 @@ def _series(results: Results, label: str, code: str, up: int | None, flow: int):
         found["contacts"] = (run.history["time"].to_numpy(), run.history["contacts"].to_numpy())
     for axis in [flow] if up is None else [flow, up]:
         if not run.scene.domain.periodic[axis]:
-            center = part["position"][..., axis] @ mass / mass.sum()
+            there = np.isfinite(part["position"][..., axis])
+            total = np.where(there.any(axis=1), there @ mass, np.nan)
+            center = np.nan_to_num(part["position"][..., axis]) @ mass / total
             found[f"center of mass along {'xyz'[axis]} [m]"] = (part["time"], center)
     return found
 

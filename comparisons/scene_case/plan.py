@@ -68,7 +68,7 @@ class Plan:
     @property
     def random(self) -> bool:
         """Whether the scene has a random part of its own."""
-        return self.scene.particles.source == "lattice"
+        return self.scene.particles is not None and self.scene.particles.source == "lattice"
 
 
 def make(scene: Scene, seeds: int, work_precision: bool, precision: str | None = None) -> Plan:
@@ -127,12 +127,19 @@ def perturbed(scene: Scene, size: float, seed: int) -> Scene:
         shift[:, resting] = 0.0
     position = np.clip(state.position + shift, scene.domain.lo, scene.domain.hi)
     names = list(scene.materials)
-    particles: dict[str, Any] = {
-        "source": "explicit", "position": position, "radius": np.array(state.radius),
+    columns: dict[str, Any] = {
+        "position": position, "radius": np.array(state.radius),
         "material": tuple(names[m] for m in state.material.tolist()),
         "velocity": np.array(state.velocity), "angular_velocity": np.array(state.angular_velocity),
     }  # fmt: skip
-    return scene.replace(particles=particles)
+    first = scene.start_count
+    changes: dict[str, Any] = {}
+    if first:
+        changes["particles"] = {"source": "explicit", **{k: v[:first] for k, v in columns.items()}}
+    if scene.insert:
+        inserted = {k: v[first:] for k, v in columns.items()}
+        changes["insert"] = [{"kind": "list", "time": scene.inserted.time, **inserted}]
+    return scene.replace(**changes)
 
 
 def seed_variants(plan: Plan) -> list[Variant]:

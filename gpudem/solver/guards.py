@@ -56,8 +56,10 @@ def speed_limit(scene: Scene) -> float:
     return max(0.0, MAX_MOVE * float(scene.state.radius.min()) / scene.time.step - fastest)
 
 
-def _inserted_energy(scene: Scene, steps: np.ndarray) -> np.ndarray:
+def inserted_energy(scene: Scene, steps: np.ndarray) -> np.ndarray:
     """Kinetic and potential energy [J] of the particles that have come up to each of these steps."""
+    if not scene.insert:
+        return np.zeros(len(steps))
     state, mass, first = scene.state, scene.masses, scene.start_count
     kinetic = mass * (state.velocity**2).sum(axis=1)
     kinetic += 0.4 * mass * state.radius**2 * (state.angular_velocity**2).sum(axis=1)
@@ -82,7 +84,7 @@ def energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]
         return []
     energy = history[["kinetic_energy", "rotational_energy", "potential_energy"]].to_numpy().sum(axis=1)
     if scene.insert:
-        energy = energy - _inserted_energy(scene, history.step.to_numpy())  # mutate: inserted_energy
+        energy = energy - inserted_energy(scene, history.step.to_numpy())  # mutate: inserted_energy
     fall = float(scene.masses @ (2 * scene.state.radius)) * float(np.linalg.norm(scene.gravity))
     kinetic = float(history.kinetic_energy.iloc[0] + history.rotational_energy.iloc[0])
     growth = (energy - energy[0]) / max(kinetic + fall, 1e-300)

@@ -342,3 +342,32 @@ def test_the_sentence_on_distributions():
     assert said(0.3) == "nothing is compared, since runs over seeds are missing"
     runs["seed_3", "liggghts"] = None
     assert said(0.3).startswith("no significant difference in 1 metrics over 5 seeds (p > 0.01; differences")
+
+
+RAIN = {
+    "kind": "list", "time": [0.0005, 0.0005, 0.0045], "radius": 0.002, "material": "ball",
+    "position": [(0.01, 0.01, 0.015), (0.016, 0.01, 0.015), (0.0101, 0.01, 0.015)],
+    "velocity": [(0.0, 0, -1.0)] * 3,
+}  # fmt: skip
+
+
+def rain(**changes) -> Scene:
+    data = {
+        "name": "rain", "materials": {"ball": {"young": 5e7, "poisson": 0.3, "density": 2500.0}},
+        "pairs": [{"materials": ("ball", "ball"), "restitution": 0.7, "friction": 0.4}],
+        "insert": [RAIN], "gravity": (0, 0, -9.81),
+        "walls": [{"kind": "box", "name": "box", "material": "ball"}],
+        "domain": {"lo": (0, 0, 0), "hi": (0.02, 0.02, 0.02)}, "time": {"step": 2e-6, "duration": 0.02},
+    }  # fmt: skip
+    return Scene(**{**data, **changes})
+
+
+def test_particles_that_come(compare):
+    """Detects: NaN of particles that have not come taken for a difference, for equality or for energy."""
+    sentence, comparison = compare(rain(), beside(lambda scene: scene))
+    assert "agree to rounding in the whole run of 0.02 s" in sentence
+    bad = [c.name for c in comparison.checks if c.status not in ("pass", "left_out")]
+    assert not bad
+    late = {**RAIN, "time": [0.0005, 0.0005, 0.0046]}
+    sentence, comparison = compare(rain(), beside(lambda scene: scene.replace(insert=[late])))
+    assert "separate earlier than rounding explains" in sentence
