@@ -29,6 +29,11 @@ SPECS = {
         for name in registry.names("rolling")
         if name != registry.OFF
     },
+    **{
+        f"cohesion {name}": {**MORE, "cohesion": name}
+        for name in registry.names("cohesion")
+        if name != registry.OFF
+    },
 }
 
 
