@@ -11,7 +11,7 @@ from comparisons.cases.machines import drum_scenes as drums
 from comparisons.harness import codes
 from comparisons.report import plots
 
-SEEDS: dict[kit.Tier, int] = {"quick": 5, "standard": 8, "full": 10}
+SEEDS: dict[kit.Tier, int] = {"quick": 5, "standard": 6, "full": 10}
 DURATION: dict[kit.Tier, float] = {"quick": 0.96, "standard": 1.2, "full": 2.04}
 #: Facets of the drums that show the difference of the rules, and seeds of each.
 COARSE = (12, 24, 48)
