@@ -79,6 +79,13 @@ SCENES["reference"] = lambda: loaded(
 )
 
 
+#: One of each kind; all others are long tests.
+SHORT = (
+    "flat_mesh", "linear_then_rotate", "belt_of_plane", "belt_y", "mesh_gate", "mesh_cdt", "reference",
+    "servo_pi_at_limit", "servo_gate",
+)  # fmt: skip
+
+
 def table_of(run: Run) -> Any:
     """Its history."""
     assert run.history is not None
@@ -97,7 +104,9 @@ def scale(table, column: str) -> float:
 
 
 @pytest.mark.liggghts
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(
+    "name", [name if name in SHORT else pytest.param(name, marks=pytest.mark.long) for name in SCENES]
+)
 def test_loads_agree_with_binary(name, tmp_path, liggghts):
     """Every column of every wall in every row after the set-up.
 
