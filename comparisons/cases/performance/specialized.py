@@ -38,7 +38,7 @@ def _changed_bed(name: str, particles: dict[str, Any], **changes: Any) -> Scene:
     one = bench_scene("settled", COUNT, STEPS)
     duration = one.time.duration
     return bed_scene(
-        name, one.particles.model_dump() | particles, gate=True, duration=duration,
+        name, one.model_dump()["particles"] | particles, gate=True, duration=duration,
         output={"trace_every": duration}, **changes,
     )  # fmt: skip
 
@@ -52,7 +52,9 @@ def scenes() -> dict[str, Scene]:
         {"materials": ("heavy", other), "restitution": 0.9, "friction": 0.3}
         for other in ("polystyrene", "heavy", "acrylic")
     ]
-    radii = np.random.default_rng(1).uniform(0.85, 1.0, len(one.state)) * one.particles.model_dump()["radius"]
+    radii = (
+        np.random.default_rng(1).uniform(0.85, 1.0, len(one.state)) * one.model_dump()["particles"]["radius"]
+    )
     return {
         "frictionless gas": _gas(),
         # without its dashpot, which at the set-up acts before there is a spring that friction 0 could cap
