@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
+import re
 import shutil
 import signal
 from collections.abc import Generator, Iterator
@@ -60,9 +61,37 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
             pytest.skip(missing)
 
 
+#: Rows of tables that are slow (`-m slow`): a neighbor, a quick case or the test of a mutant finds in `make test`
+#: what they would find. Pattern of their names -> what stays.
+SLOW_ROWS = {
+    r"test_precision.py::test_mixed_follows_every_law\[(own_|unlike|sjkr_|sjkr2_wall|torsion_|epsd3)": (
+        "each law once"
+    ),
+    r"test_walls.py::test_mesh_agrees_with_binary\[(mesh_epsd2|mesh_cdt|mesh_no_history|periodic_ridge)": (
+        "laws at planes; history on meshes; the case mesh_plane"
+    ),
+    r"test_wall_loads.py::test_loads_agree_with_binary\[(mesh_cdt|flat_mesh|mesh_linear|mesh_gate)": (
+        "loads of belts, turns, periodic floors and servos"
+    ),
+    r"test_own_repository.py::test_with_several_workers_there_is_one_report\[loadscope": "load",
+    r"test_mesh_rules.py::test_liggghts_rule\[faceted sphere\]": "shuffled",
+    r"test_checks_can_fail.py::.*\[(merge angle|curvature|period of|restitution on a plate|moving_walls)": (
+        "speed of walls, an edge, a rim"
+    ),
+    r"test_mesh_everything.py::test_full_list_in_a_graph\[(cdt|hooke|no history|frictionless|mixed)": (
+        "friction, epsd2, path, float32"
+    ),
+    r"test_path_order.py::test_full_list_is_the_half_list\[normal": "oblique impacts",
+    r"test_wall_forces.py::test_a_servo_reaches_its_force\[0.5": "a servo without integral",
+}
+
+
 @pytest.hookimpl(tryfirst=True)  # before -m selects
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    rows = re.compile("|".join(SLOW_ROWS))
     for item in items:
+        if rows.search(item.nodeid):
+            item.add_marker("slow")
         if isinstance(item, CheckItem):
             item.add_marker("cases")
             if item.case.timed:

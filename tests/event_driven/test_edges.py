@@ -283,7 +283,7 @@ def test_a_wall_of_another_kind_is_refused_by_name(monkeypatch):
 def test_a_law_that_acts_at_a_distance_is_refused(monkeypatch):
     # detects: cohesion of another package that is simulated as if there were none
     hertz = type(registry.law("normal", "hertz"))
-    monkeypatch.setattr(hertz, "range", lambda law, inputs: 1e-4)
+    monkeypatch.setattr(hertz, "range", lambda law, inputs, radius: 1e-4)
     scene = scenes.scene([[0, 0, 0.5]], [[0, 0, 0]])
     with pytest.raises(SceneError, match=r"contact\.normal = 'hertz': acts across gaps up to 0\.0001 m"):
         HardSphereProblem.from_scene(scene)
