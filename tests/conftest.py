@@ -61,8 +61,8 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
             pytest.skip(missing)
 
 
-#: Rows of tables that are slow (`-m slow`): a neighbor, a quick case or the test of a mutant finds in `make test`
-#: what they would find. Pattern of their names -> what stays.
+#: Rows of tables that are slow (`-m slow`): a neighbor, a quick case or the test of a mutant finds the same in
+#: `make test`. Pattern of their names -> what stays.
 SLOW_ROWS = {
     r"test_precision.py::test_mixed_follows_every_law\[(own_|unlike|sjkr_|sjkr2_wall|torsion_|epsd3)": (
         "each law once"
