@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from comparisons.harness import codes
-from comparisons.harness.case import Results, Unmeasured
+from comparisons.harness.case import Results
 from comparisons.metrics import bulk, contacts, growth, parting, statistics
 from comparisons.scene_case import plan as plans
 from comparisons.scene_case.plan import Plan
@@ -192,12 +192,15 @@ def has_seeds(results: Results, plan: Plan, *codes: str) -> bool:
     return all(has(results, label, *codes) for label in seed_labels(plan))
 
 
+def still_coming(plan: Plan) -> bool:
+    """Whether particles come in the last part of the run, over which metrics are means."""
+    return int(plan.scene.arrival_steps[-1]) > (1 - bulk.LAST) * plan.scene.n_steps
+
+
 def samples(results: Results, plan: Plan, code: str) -> dict[str, np.ndarray]:
     """Metric -> its values over the seeds of one code."""
 
     def compute() -> dict[str, np.ndarray]:
-        if plan.scene.insert and plan.scene.arrival_steps[-1] > (1 - bulk.LAST) * plan.scene.n_steps:
-            raise Unmeasured("particles come until the end of the run: no state to compare")
         up, flow = bulk.axes(plan.scene, trace(results[plans.SCENE, "gpudem"]))
         rows = [
             bulk.metrics(results[lab, code].scene, trace(results[lab, code]), up, flow)

@@ -207,6 +207,35 @@ class CohesionLaw(Law):
         self.attraction = attraction
 
 
+#: What laws of constants stated for a pair read, and their words in LIGGGHTS.
+CONSTANTS = ("kn", "kt", "gamma_n", "gamma_t")
+CONSTANT_WORDS = (
+    ("per_pair", "kn", lambda p: p.kn or 0.0, 0.0),
+    ("per_pair", "kt", lambda p: p.kt or 0.0, 0.0),
+    ("per_pair", "gamman", lambda p: p.gamma_n or 0.0, 0.0),
+    ("per_pair", "gammat", lambda p: p.gamma_t or 0.0, 0.0),
+)
+
+
+class StatedConstants(NormalLaw):
+    """Stiffness and damping constants are stated for each pair; the moduli do not act."""
+
+    reads = CONSTANTS
+    uses_moduli = False
+
+    def coefficients_of(self, inputs: PairInputs) -> dict[str, float]:  # noqa: D102
+        if missing := self.missing(inputs):
+            raise ValueError(f"pair {inputs.pair.materials}: {self.name} needs {', '.join(missing)}")
+        values = [getattr(inputs.pair, name) for name in CONSTANTS]
+        return dict(zip(self.coefficients, values, strict=True))
+
+    def missing(self, inputs: PairInputs) -> list[str]:  # noqa: D102
+        return [name for name in CONSTANTS if getattr(inputs.pair, name) is None]
+
+    def dissipates(self, inputs: PairInputs) -> bool:  # noqa: D102
+        return (inputs.pair.gamma_n or 0.0) > 0
+
+
 #: What `sjkr` and `sjkr2` read of a pair, and its words in LIGGGHTS.
 DENSITY = Parameter("cohesion_energy_density", "J/m3", 0, default=0.0)
 DENSITY_WORDS = (("per_pair", "cohesionEnergyDensity", DENSITY.or_zero, 0.0),)

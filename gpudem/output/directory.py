@@ -52,7 +52,7 @@ def begin(directory: Path, scene: Scene) -> None:
     except OSError as error:
         raise WriteError(directory, error) from error
     remove_temporary(directory)
-    for name in (*_FILES[:-2], *_mesh_files(directory), *_FILES[-2:]):
+    for name in (*_FILES[:-2], *_own_files(directory), *_FILES[-2:]):
         _remove(directory / name)
     frames = directory / FRAMES
     if frames.is_dir():
@@ -88,13 +88,19 @@ def _remove(path: Path) -> None:
         raise WriteError(path, error) from error
 
 
-def _mesh_files(directory: Path) -> list[str]:
-    """The files of meshes that the scene.json of a folder names, of those that `save_scene` writes."""
+def _own_files(directory: Path) -> list[str]:
+    """Files of meshes and insertions that the scene.json of a folder names, if `save_scene` writes such."""
     try:
-        walls = parse_json((directory / SCENE).read_text(encoding="utf-8"), SCENE)["walls"]
-        return [wall["file"] for wall in walls if wall.get("file") == _mesh_file(wall["name"])]
+        data = parse_json((directory / SCENE).read_text(encoding="utf-8"), SCENE)
+        meshes = [wall["file"] for wall in data["walls"] if wall.get("file") == _mesh_file(wall["name"])]
+        lists = [insert.get("path") for insert in data.get("insert", ())]
+        return meshes + [_insertion_file(k) for k, path in enumerate(lists) if path == _insertion_file(k)]
     except (OSError, UnicodeDecodeError, SceneError, LookupError, TypeError, AttributeError):
         return []  # no scene that we wrote
+
+
+def _insertion_file(k: int) -> str:
+    return f"insert_{k}.npz"
 
 
 def _mesh_file(wall: str) -> str:
@@ -102,20 +108,23 @@ def _mesh_file(wall: str) -> str:
 
 
 def save_scene(directory: Path, scene: Scene) -> None:
-    """Write scene.json, and what it takes from files: particles.npz, mesh_NAME.npz. Raises WriteError."""
+    """Write scene.json, and what it takes from files: particles.npz, insert_K.npz, mesh_NAME.npz.
+
+    Raises WriteError.
+    """
     data = scene.model_dump()
     if isinstance(scene.particles, FromFile):
         start = scene.particles_at_start
         columns = {field.name: getattr(start, field.name) for field in dataclasses.fields(start)}
         write_npz(directory / PARTICLES, columns)
         data["particles"]["path"] = PARTICLES
-    for k, (insert, stated) in enumerate(zip(scene.insert, data["insert"], strict=True)):
+    for k, insert in enumerate(scene.insert):
         if insert.path is not None:
-            found = insert.read(scene.material_index)
-            columns = {f.name: getattr(found.state, f.name) for f in dataclasses.fields(found.state)}
+            found = scene.insertion_lists[k]
             assert found.time is not None
-            stated |= {"path": f"insert_{k}.npz", "radius": None, "material": None}
-            write_npz(directory / stated["path"], {**columns, "time": found.time})
+            columns = {f.name: getattr(found.state, f.name) for f in dataclasses.fields(found.state)}
+            data["insert"][k].update(path=_insertion_file(k), radius=None, material=None)
+            write_npz(directory / _insertion_file(k), {**columns, "time": found.time})
     for wall, stated in zip(scene.walls, data["walls"], strict=True):
         if isinstance(wall, Mesh) and wall.file is not None:
             vertices, triangles = wall.stated

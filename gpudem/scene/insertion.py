@@ -99,14 +99,21 @@ class Inserted:
     """What a user may not expect of the files, one sentence each."""
 
 
-def resolve(scene: Scene) -> Inserted:
-    """The one list of a scene. Raises ValueError naming the insertion and its key, or file, column, row."""
-    states, times, warnings = [InitialState.none()], [np.empty(0)], []
+def read(scene: Scene) -> list[ParticleFile]:
+    """What each insertion states. Raises ValueError naming it and its key, or file, column, row."""
+    lists = []
     for k, insert in enumerate(scene.insert):
         try:
-            found = insert.read(scene.material_index)
+            lists.append(insert.read(scene.material_index))
         except (ValueError, KeyError) as error:
             raise ValueError(f"insert[{k}].{error}") from None
+    return lists
+
+
+def resolve(scene: Scene) -> Inserted:
+    """The one list of a scene. Raises ValueError as `read`."""
+    states, times, warnings = [InitialState.none()], [np.empty(0)], []
+    for k, found in enumerate(scene.insertion_lists):
         assert found.time is not None
         states.append(found.state)
         times.append(found.time)

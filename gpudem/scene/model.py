@@ -185,9 +185,9 @@ class Scene(Model):
         return type(self)(**data)
 
     def __getstate__(self) -> dict[Any, Any]:
-        """For pickling: the statement, and the particles read from a file; no law."""
+        """For pickling: the statement, and the particles read from files; no law."""
         state = super().__getstate__()
-        names = {*type(self).model_fields, "particle_file"}
+        names = {*type(self).model_fields, "particle_file", "insertion_lists"}
         return {**state, "__dict__": {k: v for k, v in state["__dict__"].items() if k in names}}
 
     @functools.cached_property
@@ -245,6 +245,11 @@ class Scene(Model):
         return insertion.joined([start, self.inserted.state]) if self.insert else start
 
     @functools.cached_property
+    def insertion_lists(self) -> list[ParticleFile]:
+        """What each insertion states; a file is read once. Raises ValueError: naming insertion and key."""
+        return insertion.read(self)
+
+    @functools.cached_property
     def inserted(self) -> Inserted:
         """The particles that come in the run. Raises ValueError: naming insertion and key."""
         return insertion.resolve(self)
@@ -263,11 +268,11 @@ class Scene(Model):
             int(np.searchsorted(self.arrival_steps, step, side="right")) if self.insert else len(self.state)
         )
 
-    @property
-    def mean_count(self) -> int:
-        """How many particles there are on average over the steps of the run."""
-        steps = np.clip(self.n_steps + 1 - self.arrival_steps, 0, self.n_steps)
-        return round(float(steps.mean()) * len(self.state) / self.n_steps)
+    def mean_count(self, steps: int) -> int:
+        """How many particles there are on average over the first so many steps of the run."""
+        if not steps:
+            return self.start_count
+        return round(float(np.clip(steps + 1 - self.arrival_steps, 0, steps).sum()) / steps)
 
     @property
     def start_count(self) -> int:

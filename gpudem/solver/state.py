@@ -200,6 +200,9 @@ class State:
     def insert(self, scene: Scene, first: int, end: int) -> None:
         """Writes the particles of these rows of the scene where they wait; what else they have is there."""
         bodies = self._bodies(scene, first, end)
+        for name in ("velocity", "angular_velocity"):
+            if f"{name}_ahead" in (bodies.dtype.names or ()):
+                bodies[f"{name}_ahead"] = bodies[name]  # mutate: inserted_velocity_ahead
         self.now[first:end].assign(bodies)
 
     def allocate_output(self) -> None:

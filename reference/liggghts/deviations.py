@@ -104,7 +104,8 @@ def run(
         loop_s = sum(seconds for seconds, _, _ in console.loops)
         notes |= _end(console, status, len(scene.state))
     timing = Timing(
-        particles=len(scene.state), steps=scene.n_steps, stepping_s=max(0.0, loop_s - console.output_s),
+        particles=scene.mean_count(scene.n_steps), steps=scene.n_steps,
+        stepping_s=max(0.0, loop_s - console.output_s),
         setup_s=max(0.0, time.monotonic() - began - loop_s), output_s=console.output_s,
     )  # fmt: skip
     result = Run(

@@ -362,6 +362,14 @@ def rain(**changes) -> Scene:
     return Scene(**{**data, **changes})
 
 
+def test_the_sentence_while_particles_come():
+    """Detects: a test of distributions of states that are still being filled."""
+    late = rain(insert=[{**RAIN, "time": [0.0005, 0.0005, 0.018]}])
+    runs: dict = {(f"seed_{k}", code): None for k in range(1, 6) for code in ("gpudem", "liggghts")}
+    said = headline.after(plans.make(late, 5, False), Results("quick", runs, {}), "gpudem", "liggghts")
+    assert said == "nothing is compared, since particles come until the end of the run"
+
+
 def test_particles_that_come(compare):
     """Detects: NaN of particles that have not come taken for a difference, for equality or for energy."""
     sentence, comparison = compare(rain(), beside(lambda scene: scene))

@@ -1,5 +1,6 @@
 """Particles inserted while the solver runs."""
 
+import pickle
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from comparisons.oracles.mesh_shapes import rectangle
 from gpudem import Simulation
 from gpudem.driver import resume
 from gpudem.driver import simulate as run
+from gpudem.output.run import Run
 from gpudem.scene import Scene
 from gpudem.solver.solver import Solver
 from tests.gpudem.beds import MATERIALS, PAIRS, falling_bed, finish, gas, same
@@ -68,7 +70,7 @@ def test_columns_of_what_is_there(tmp_path):
     mass, x = scene.masses, scene.state.position[:, 0] + 9 * STEP * np.array((0, 0, 0, 0))
     assert found.history.centre_x[0] == 0
     assert abs(found.history.centre_x[6] - mass[:2] @ x[:2] / mass[:2].sum()) < 1e-15
-    assert found.timing.particles == scene.mean_count == round((20 + 16 + 12 + 12) / 20)
+    assert found.timing.particles == scene.mean_count(20) == round((20 + 16 + 12 + 12) / 20)
 
 
 def test_no_particles_at_the_start(tmp_path):
@@ -199,7 +201,44 @@ def test_memory_and_rate_count_what_is_there(tmp_path):
     """Detects: particle-steps of particles that are not there."""
     scene = falling(output={"frames_every": 20 * STEP, "restart_every": 10 * STEP})
     run(scene, tmp_path)
-    assert resume(tmp_path).timing.particles == scene.mean_count
+    assert resume(tmp_path).timing.particles == scene.mean_count(scene.n_steps)
+
+
+def test_a_part_of_a_run_counts_its_own_steps():
+    """Detects: an interrupted run whose particle-steps are those of the whole one."""
+    scene = falling()
+    assert [scene.mean_count(steps) for steps in (0, 4, 6, 12)] == [1, 1, round(8 / 6), round(28 / 12)]
+
+
+def test_a_file_is_read_once(tmp_path):
+    """Detects: a folder that holds other insertions than were run, or those of an older run."""
+    path = tmp_path / "rain.csv"
+    path.write_text("time,x,y,z,radius\n1e-4,0.3,0,0,0.01\n2e-4,0.5,0,0,0.01\n")
+    scene = falling(insert=[{"kind": "list", "path": str(path), "material": "ball"}])
+    path.unlink()
+    run(scene, tmp_path / "run")
+    assert (tmp_path / "run" / "insert_0.npz").is_file()
+    resumed = pickle.loads(pickle.dumps(scene))
+    assert resumed == Run.load(tmp_path / "run").scene == scene
+    run(falling(), tmp_path / "run")
+    assert not (tmp_path / "run" / "insert_0.npz").exists()
+
+
+def test_damping_of_a_ball_that_comes_in_contact():
+    """Detects: with `path`, a ball inserted in contact whose velocity ahead is 0: half the damping."""
+    fall = {"position": [(0.0, 0, 0.0099)], "radius": 0.01, "material": "ball", "velocity": [(0.0, 0, -1.0)]}
+    floor = {"kind": "plane", "name": "floor", "material": "ball", "point": (0, 0, 0), "normal": (0, 0, 1)}
+    common = {"walls": [floor], "solver": {"integrator": "path"}, "gravity": (0, 0, 0)}
+    there = run(falling(particles={"source": "explicit", **fall}, insert=[], **common)).trace
+    comes = run(falling(particles=None, insert=[{"kind": "list", "time": 5 * STEP, **fall}], **common)).trace
+    assert there is not None
+    assert comes is not None
+    pushed = there["force"][0, 0, 2]
+    assert comes["force"][5, 0, 2] == pytest.approx(pushed, rel=0.02)  # its velocity is of half a step before
+    slow = {**fall, "velocity": [(0.0, 0, 0.0)]}
+    still = run(falling(particles={"source": "explicit", **slow}, insert=[], **common)).trace
+    assert still is not None
+    assert still["force"][0, 0, 2] < 0.7 * pushed  # most of it is damping
 
 
 def test_a_late_one_warns():

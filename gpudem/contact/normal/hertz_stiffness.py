@@ -7,17 +7,7 @@ import numpy as np
 import warp as wp
 
 from gpudem.contact.elasticity import hertz_release_speed, hertz_time
-from gpudem.contact.law import LiggghtsWords, NormalLaw, PairInputs
-
-#: The inputs of a pair.
-CONSTANTS = ("kn", "kt", "gamma_n", "gamma_t")
-#: Their properties in a LIGGGHTS deck.
-WORDS = (
-    ("per_pair", "kn", lambda p: p.kn or 0.0, 0.0),
-    ("per_pair", "kt", lambda p: p.kt or 0.0, 0.0),
-    ("per_pair", "gamman", lambda p: p.gamma_n or 0.0, 0.0),
-    ("per_pair", "gammat", lambda p: p.gamma_t or 0.0, 0.0),
-)
+from gpudem.contact.law import CONSTANT_WORDS, LiggghtsWords, PairInputs, StatedConstants
 
 
 @wp.func
@@ -51,22 +41,11 @@ def rebound(damping: float) -> float:
     return float(-end.y[1, -1]) if end.t_events[0].size else 0.0
 
 
-class HertzStiffness(NormalLaw):
+class HertzStiffness(StatedConstants):
     """The constants as stated: kn, kt [N/m2], gamma_n, gamma_t [1/(m s)]; the moduli do not act."""
 
     name = "hertz/stiffness"
-    reads = CONSTANTS
-    uses_moduli = False
-    liggghts = LiggghtsWords("hertz/stiffness", WORDS)
-
-    def coefficients_of(self, inputs: PairInputs) -> dict[str, float]:  # noqa: D102
-        if missing := self.missing(inputs):
-            raise ValueError(f"pair {inputs.pair.materials}: hertz/stiffness needs {', '.join(missing)}")
-        values = [getattr(inputs.pair, name) for name in CONSTANTS]
-        return dict(zip(self.coefficients, values, strict=True))
-
-    def missing(self, inputs: PairInputs) -> list[str]:  # noqa: D102
-        return [name for name in CONSTANTS if getattr(inputs.pair, name) is None]
+    liggghts = LiggghtsWords("hertz/stiffness", CONSTANT_WORDS)
 
     def contact_time(self, inputs: PairInputs, radius: float, mass: float, speed: float) -> float:
         """That of `hertz` with E* = 3/4 kn."""
@@ -83,9 +62,6 @@ class HertzStiffness(NormalLaw):
             return 1.0
         a, b = pair.kn * math.sqrt(radius) / mass, pair.gamma_n * math.sqrt(radius)
         return rebound(b * (speed**2 / a) ** 0.6 / speed)
-
-    def dissipates(self, inputs: PairInputs) -> bool:  # noqa: D102
-        return (inputs.pair.gamma_n or 0.0) > 0
 
 
 LAW = HertzStiffness(hertz_stiffness, hertz_stiffness_damping_integral)

@@ -5,8 +5,7 @@ from typing import Any
 
 import warp as wp
 
-from gpudem.contact.law import LiggghtsWords, NormalLaw, PairInputs
-from gpudem.contact.normal.hertz_stiffness import CONSTANTS, WORDS
+from gpudem.contact.law import CONSTANT_WORDS, LiggghtsWords, PairInputs, StatedConstants
 
 
 @wp.func
@@ -27,22 +26,11 @@ def hooke_stiffness_damping_integral(c: Any, p: Any, overlap: Any):
     return p.c_normal * c.mass_eff * overlap  # mutate: hooke_stiffness_damping_work
 
 
-class HookeStiffness(NormalLaw):
+class HookeStiffness(StatedConstants):
     """The constants as stated: kn, kt [N/m], gamma_n, gamma_t [1/s]; the moduli do not act."""
 
     name = "hooke/stiffness"
-    reads = CONSTANTS
-    uses_moduli = False
-    liggghts = LiggghtsWords("hooke/stiffness", WORDS)
-
-    def coefficients_of(self, inputs: PairInputs) -> dict[str, float]:  # noqa: D102
-        if missing := self.missing(inputs):
-            raise ValueError(f"pair {inputs.pair.materials}: hooke/stiffness needs {', '.join(missing)}")
-        values = [getattr(inputs.pair, name) for name in CONSTANTS]
-        return dict(zip(self.coefficients, values, strict=True))
-
-    def missing(self, inputs: PairInputs) -> list[str]:  # noqa: D102
-        return [name for name in CONSTANTS if getattr(inputs.pair, name) is None]
+    liggghts = LiggghtsWords("hooke/stiffness", CONSTANT_WORDS)
 
     def contact_time(self, inputs: PairInputs, radius: float, mass: float, speed: float) -> float:
         """Pi sqrt(m*/kn) [s], at any speed; infinite without stiffness."""
@@ -60,9 +48,6 @@ class HookeStiffness(NormalLaw):
             return 1.0
         b = 0.5 * pair.gamma_n * math.sqrt(mass / pair.kn)
         return math.exp(-math.pi * b / math.sqrt(1 - b * b)) if b < 1 else 0.0
-
-    def dissipates(self, inputs: PairInputs) -> bool:  # noqa: D102
-        return (inputs.pair.gamma_n or 0.0) > 0
 
 
 LAW = HookeStiffness(hooke_stiffness, hooke_stiffness_damping_integral)
