@@ -81,7 +81,7 @@ def distributions(results: Results, plan: Plan, code: str, other: str) -> Measur
     if not analysis.has_seeds(results, plan, code, other):
         raise Unmeasured("runs over seeds are missing")
     if analysis.still_coming(plan):
-        raise Unmeasured("particles come until the end of the run: no state to compare")
+        raise Unmeasured("particles are inserted until the end of the run: no state to compare")
     found = analysis.distributions(results, plan, code, other)
     if not found:
         raise Unmeasured("no metric varies")

@@ -89,7 +89,7 @@ def after(plan: Plan, results: Results, code: str, other: str) -> str:
     if not analysis.has_seeds(results, plan, code, other):
         return "nothing is compared, since runs over seeds are missing"
     if analysis.still_coming(plan):
-        return "nothing is compared, since particles come until the end of the run"
+        return "nothing is compared, since particles are inserted until the end of the run"
     found = analysis.distributions(results, plan, code, other)
     over = f"{plan.seeds} {plan.starts}"
     low = {name: c for name, c in found.items() if c.corrected < analysis.ALPHA}

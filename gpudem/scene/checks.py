@@ -245,7 +245,7 @@ def _behind_walls(scene: Scene) -> list[str]:
             continue
         overlap = np.where(there, wall.overlap(state.position, state.radius), 0.0)
         bad = overlap > allowed * state.radius
-        for what, when, group in (("particles", "", steps == 0), ("insert", " when they come", steps > 0)):
+        for what, when, group in (("particles", "", steps == 0), ("insert", " at insertion", steps > 0)):
             if not (bad & group).any():
                 continue
             i = int(np.argmax(np.where(group, overlap, 0.0)))
@@ -288,7 +288,7 @@ def _inserted_overlaps(scene: Scene) -> list[str]:
         if found is not None:
             i, j = found.worst
             return [
-                f"insert: {'' if found.complete else 'at least '}{found.count} pairs that come in step {step}"
+                f"insert: {'' if found.complete else 'at least '}{found.count} pairs inserted in step {step}"
                 f" ({step * scene.time.step:.6g} s) overlap, the worst: {a + i + 1} and {a + j + 1} by"
                 f" {found.overlap:.3g} m (allowed: {MAX_START_OVERLAP:g} of the smaller radius);"
                 " waive with allow = ['overlap']"

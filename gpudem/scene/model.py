@@ -99,7 +99,7 @@ class Scene(Model):
     particles: Annotated[Explicit | FromFile | Lattice, Field(discriminator="source")] | None = None
     """The particles at the start; may be left out where some are inserted."""
     insert: tuple[InsertList, ...] = ()
-    """Particles that come while the scene runs."""
+    """Particles inserted during the run."""
     gravity: Annotated[Vector, vector("m/s2")] = (0.0, 0.0, 0.0)
     """Acceleration of gravity [m/s2]."""
     walls: tuple[WallSection, ...] = ()

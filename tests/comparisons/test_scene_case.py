@@ -367,7 +367,7 @@ def test_the_sentence_while_particles_come():
     late = rain(insert=[{**RAIN, "time": [0.0005, 0.0005, 0.018]}])
     runs: dict = {(f"seed_{k}", code): None for k in range(1, 6) for code in ("gpudem", "liggghts")}
     said = headline.after(plans.make(late, 5, False), Results("quick", runs, {}), "gpudem", "liggghts")
-    assert said == "nothing is compared, since particles come until the end of the run"
+    assert said == "nothing is compared, since particles are inserted until the end of the run"
 
 
 def test_particles_that_come(compare):

@@ -245,7 +245,7 @@ def test_a_late_one_warns():
     """Detects: a particle that never comes, or a rounded time, without a word."""
     late = {**rain(1), "time": 1.0}
     found = run(filling(20, insert=[late])).warnings
-    assert any("insert: 40 particles come after the end of the run" in w for w in found), found
+    assert any("insert: 40 particles would be inserted after the end of the run" in w for w in found), found
     rounded = {**rain(1), "time": 0.00013}
     found = run(filling(20, insert=[rounded])).warnings
     assert any("rounded to whole steps" in w and "0.00013 s to step 6" in w for w in found), found
