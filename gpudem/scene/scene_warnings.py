@@ -270,7 +270,8 @@ def _insertions(scene: Scene) -> Iterator[str]:
         )
     late = int((found.step > end).sum())
     if late:
-        yield f"insert: {late} particles would be inserted after the end of the run, {end * scene.time.step:.6g} s"
+        last = end * scene.time.step
+        yield f"insert: {late} particles would be inserted after the end of the run, {last:.6g} s"
 
 
 def _intervals(scene: Scene) -> Iterator[str]:
