@@ -182,6 +182,8 @@ FIELDS = [
         "at least 1 item"),
     bad("mixture share", EXPLICIT, LATTICE.replace("0.003", "[{radius = 0.003, share = 0.0}]"),
         "particles.radius[0].share = 0.0", "0 < value"),
+    bad("mixture without shares", EXPLICIT, LATTICE.replace("0.003", "[0.004]"),
+        "particles.radius[0] = 0.004: must be a table with radius, share"),
     bad("waiver that does not exist", 'name = "bed"', 'name = "bed"\nallow = ["timestep"]',
         "allow[0] = 'timestep'", "did you mean 'time_step'?"),
 ]

@@ -164,7 +164,13 @@ class Evaluation:
         except Exception as error:
             return f"the sentence could not be made: {describe(error)}"
         ran = {code for _, code in self.runs}
-        more = [f"{codes.title(code)}: {what}" for code, what in differs.items() if code in ran]
+        of = {code: {check.status for check in checks if code in check.needs} for code in differs}
+        agree = {code for code in differs if "pass" in of[code] and not of[code] & {"fail", "error"}}
+        more = [
+            f"{codes.title(code)}: {what}"
+            for code, what in differs.items()  # where the code's checks hold, nothing is left to explain
+            if code in ran and not (code in agree and what.startswith(brought.UNKNOWN))
+        ]
         return f"{'; '.join([first.removesuffix('.'), *more])}." if more else first
 
     def figure(self, figure: Figure, root: Path, number: int) -> Artefact:

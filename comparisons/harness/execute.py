@@ -423,7 +423,10 @@ class Session:
         self, result: CaseResult, checks: list[CheckResult], findings: list[FindingResult], seconds: float
     ) -> None:
         held = sum(c.status == "pass" for c in checks)
-        self.reporter.say(f"  {held} of {len(checks)} checks hold, {duration(seconds)}")
+        left_out = sum(c.status == "left_out" for c in checks)
+        others = f", {left_out} left out" if left_out else ""
+        judged = len(checks) - left_out
+        self.reporter.say(f"  {held} of {judged} checks hold{others}; its runs took {duration(seconds)}")
         if result.headline:
             self.reporter.say(f"  {result.headline}")
         if result.status == "error":

@@ -128,7 +128,6 @@ def partial(model: type[AnyModel], data: dict[str, Any]) -> tuple[AnyModel, set[
 
 #: Kinds of pydantic errors about the type of a value -> message.
 _KINDS = {
-    "model_type": "must be a table",
     "dict_type": "must be a table",
     "list_type": "must be a list",
     "tuple_type": "must be a list",
@@ -156,6 +155,9 @@ def _line(item: Any, model: type[BaseModel]) -> str:
             return f"{key}.{tag} = {context['tag']!r}: unknown{nearest(context['tag'], _tags(loc, model))}"
         case "literal_error":
             return f"{key} = {value}: unknown{nearest(item['input'], _words(context['expected']))}"
+        case "model_type" | "model_attributes_type":
+            needed = ", ".join(name for name, field in _fields(loc, model).items() if field.is_required())
+            return f"{key} = {value}: must be a table{f' with {needed}' if needed else ''}"
         case "value_error" if isinstance(item["input"], dict | BaseModel):  # of a section as a whole
             message = item["msg"].removeprefix("Value error, ")
             return f"{key}.{message}" if loc else message

@@ -140,6 +140,9 @@ def test_the_sentence_for_the_top_of_the_page(ours, tmp_path, options, sentence)
     assert evaluation.headline(checks, differs) == f"my_dem: {sentence}."
     evaluation.case = dataclasses.replace(evaluation.case, headline=lambda results, checks: "As a scene.")
     assert evaluation.headline(checks, differs) == f"As a scene; my_dem: {sentence.partition('; ')[2]}."
+    if not options:  # Detects a doubt at the top of the page about a code whose checks hold.
+        unknown = {NAME: "what differs is not known: more than 64 particles"}
+        assert evaluation.headline(checks, unknown) == "As a scene."
 
 
 def test_the_sentence_says_why_a_code_did_not_run(ours, tmp_path):
