@@ -169,7 +169,10 @@ class Simulation:
     def view(self, step: int) -> View:
         """The state at the written full step, as observables see it; on a CUDA device it is reduced there."""
         solver = self._solver
-        facts = (solver.contact_count, solver.wall_work, solver.wall_loads, solver.servo_ways)
+        facts = (
+            solver.contact_count, solver.wall_work, solver.wall_loads, solver.servo_ways,
+            solver.triangle_forces,
+        )  # fmt: skip
         if solver.device.is_cuda:
             return DeviceView(self.scene, step, self._column, self._scalars, *facts)
         return View(self.scene, step, solver.column, *facts)

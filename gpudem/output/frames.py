@@ -10,7 +10,7 @@ import numpy as np
 
 from gpudem.output.atomic import WriteError, replacing
 from gpudem.output.directory import FRAMES
-from gpudem.output.vtu import PVD, Frame, read_pvd, read_vtu, write_pvd, write_vtu
+from gpudem.output.vtu import PVD, Frame, read_pvd, read_vtu, read_vtu_and_cells, write_pvd, write_vtu
 from gpudem.scene import Scene
 from gpudem.scene.walls import Wall
 
@@ -39,6 +39,41 @@ def walls_mesh(
     return np.concatenate(points), np.concatenate(quads)
 
 
+def wall_cells(
+    scene: Scene, walls: list[Wall], forces: Mapping[str, np.ndarray], points: np.ndarray, quads: np.ndarray
+) -> dict[str, np.ndarray]:
+    """What the frames have for each cell of `walls_mesh`, shape (q,), where `output.wall_stress` is stated.
+
+    wall: its number in the scene, of a box one a side, from 0. pressure [Pa]: force of the particles on a
+    triangle against its normal (right-hand rule of its corners), by its area; negative where they press on
+    its back. shear_stress [Pa]: magnitude of the force within it, by its area. NaN for walls that
+    `output.wall_stress` does not name, and where no force is known.
+
+    Args:
+        scene: The scene.
+        walls: Those of the mesh, in their order.
+        forces: On each triangle [N], (k, 3), by name of the wall.
+        points: Of `walls_mesh` [m].
+        quads: Of `walls_mesh`.
+    """
+    elements, lo, hi = scene.wall_elements, np.array(scene.domain.lo), np.array(scene.domain.hi)
+    cells = [len(wall.outline(lo, hi)[1]) for wall in walls]
+    force = np.full((len(quads), 3), np.nan)
+    for wall, first in zip(walls, np.cumsum(cells) - cells, strict=True):
+        if wall.name in forces:
+            force[first : first + len(forces[wall.name])] = forces[wall.name]
+    a, b, c = (points[quads[:, k]] for k in range(3))
+    twice = np.cross(b - a, c - a)
+    area = np.maximum(np.linalg.norm(twice, axis=1) / 2, 1e-300)
+    normal = twice / (2 * area)[:, None]
+    along = np.einsum("ij,ij->i", force, normal)
+    return {
+        "wall": np.repeat([elements.index(wall) for wall in walls], cells).astype(np.int32),
+        "pressure": -along / area,  # mutate: pressure_of_triangle
+        "shear_stress": np.linalg.norm(force - along[:, None] * normal, axis=1) / area,
+    }
+
+
 class FrameWriter:
     """Writes frames/p_<step>.vtu and, after each, run.pvd, so that an aborted run still opens."""
 
@@ -61,31 +96,45 @@ class FrameWriter:
                 self._enter(step)
             write_pvd(self.directory / PVD, self._entries)
 
-    def add(self, step: int, frame: Frame, servo_ways: Mapping[str, np.ndarray] | None = None) -> None:
-        """Write one frame at `step`, with walls that a servo moves there, and bring the .pvd up to date."""
+    def add(
+        self, step: int, frame: Frame, servo_ways: Mapping[str, np.ndarray] | None = None,
+        triangle_forces: Mapping[str, np.ndarray] | None = None,
+    ) -> None:  # fmt: skip
+        """Write one frame at `step`, with walls that a servo moves there and forces [N] on triangles of
+        meshes by name, and bring the .pvd up to date.
+        """
         write_vtu(self.directory / _name(step), frame)
-        self._enter(step, servo_ways)
+        self._enter(step, servo_ways, triangle_forces)
         write_pvd(self.directory / PVD, self._entries)
 
-    def _enter(self, step: int, servo_ways: Mapping[str, np.ndarray] | None = None) -> None:
+    def _enter(
+        self, step: int, servo_ways: Mapping[str, np.ndarray] | None = None,
+        forces: Mapping[str, np.ndarray] | None = None,
+    ) -> None:  # fmt: skip
         time = step * self.scene.time.step
         self._entries.append((time, 0, _name(step)))
-        walls = self._file_of_walls(step, servo_ways)
+        walls = self._file_of_walls(step, servo_ways, forces or {})
         if walls:
             self._entries.append((time, 1, walls))
 
-    def _file_of_walls(self, step: int, servo_ways: Mapping[str, np.ndarray] | None) -> str | None:
-        """The file of the walls up to `step`: one for each segment, one for each frame where they move."""
+    def _file_of_walls(
+        self, step: int, servo_ways: Mapping[str, np.ndarray] | None, forces: Mapping[str, np.ndarray]
+    ) -> str | None:
+        """The file of the walls up to `step`: one for each segment, one for each frame where they move or
+        have a stress.
+        """
         k = [k for k, (start, _, _) in enumerate(self._segments) if start < step or start == 0][-1]
         walls = self._segments[k][2]
-        moving = any(wall.motion for wall in walls)
-        name = f"{FRAMES}/walls_{step:09d}.vtu" if moving else f"{FRAMES}/walls_{k}.vtu"
+        stressed = bool(self.scene.output.wall_stress)
+        each = stressed or any(wall.motion for wall in walls)
+        name = f"{FRAMES}/walls_{step:09d}.vtu" if each else f"{FRAMES}/walls_{k}.vtu"
         if walls and name not in self._written:
             import meshio
 
             points, quads = walls_mesh(self.scene, walls, step, servo_ways)
+            cells = wall_cells(self.scene, walls, forces, points, quads) if stressed else {}
             with replacing(self.directory / name) as partial:
-                mesh = meshio.Mesh(points, [("quad", quads)])
+                mesh = meshio.Mesh(points, [("quad", quads)], cell_data={k: [v] for k, v in cells.items()})
                 mesh.write(partial, file_format="vtu", binary=True, compression=None)
             self._written.add(name)
         return name if walls else None
@@ -118,6 +167,15 @@ class Frames:
 
     def __iter__(self) -> Iterator[Frame]:
         return (self[k] for k in range(len(self)))
+
+    def walls(self, k: int) -> dict[str, np.ndarray]:
+        """What frame k has for the cells of its walls (`wall_cells`); {} without `output.wall_stress`.
+
+        Raises FrameError: a missing or broken file.
+        """
+        step = self.names[k].removeprefix(f"{FRAMES}/p_")
+        path = self.directory / FRAMES / f"walls_{step}"
+        return read_vtu_and_cells(path)[1] if path.is_file() else {}
 
     def at(self, time: float) -> Frame:
         """The frame nearest to a time [s]."""

@@ -88,7 +88,9 @@ class Recorder:
             self._history.append(row)
         if self.writer and self.frame_stride and step % self.frame_stride == 0:
             self.flush()
-            self._writing = self._pool.submit(self.writer.add, step, view.frame(), view.servo_ways)
+            self._writing = self._pool.submit(
+                self.writer.add, step, view.frame(), view.servo_ways, view.triangle_forces
+            )
 
     def add(self, step: int, frame: Frame, contacts: int = 0, unwrapped: np.ndarray | None = None) -> None:
         """As `record`, for a code that has the step as a frame, and `unwrapped` positions [m]."""

@@ -52,11 +52,13 @@ class View:
         wall_work: Callable[[], float | None] = lambda: None,
         wall_loads: Callable[[], dict[str, WallLoad]] = dict,
         servo_ways: Callable[[], dict[str, np.ndarray]] = dict,
+        triangle_forces: Callable[[], dict[str, np.ndarray]] = dict,
     ):
         """`column(name)` gives one of VECTORS; the other functions the properties of their names."""
         self.scene, self.step = scene, step
         self._column, self._contacts, self._wall_work = column, contacts, wall_work
         self._wall_loads, self._servo_ways = wall_loads, servo_ways
+        self._triangle_forces = triangle_forces
         self._known: dict[Any, Any] = {}
 
     @classmethod
@@ -120,6 +122,13 @@ class View:
     def servo_ways(self) -> dict[str, np.ndarray]:
         """How far each wall with a servo is from its place at the start [m], shape (3,), by name."""
         return self._once("servo_ways", self._servo_ways)
+
+    @property
+    def triangle_forces(self) -> dict[str, np.ndarray]:
+        """Force of the particles on each triangle [N], shape (k, 3), of the meshes that `output.wall_stress`
+        names, by name.
+        """
+        return self._once("triangle_forces", self._triangle_forces)
 
     @property
     def wall_loads(self) -> dict[str, WallLoad]:
@@ -210,10 +219,11 @@ class DeviceView(View):
         wall_work: Callable[[], float | None] = lambda: None,
         wall_loads: Callable[[], dict[str, WallLoad]] = dict,
         servo_ways: Callable[[], dict[str, np.ndarray]] = dict,
+        triangle_forces: Callable[[], dict[str, np.ndarray]] = dict,
     ):
         """`read(name)` gives a Warp array of three-component vectors; `scalars` lasts from view to view."""
         super().__init__(scene, step, lambda name: self.column(name).numpy().astype(np.float64, copy=False),
-                         contacts, wall_work, wall_loads, servo_ways)  # fmt: skip
+                         contacts, wall_work, wall_loads, servo_ways, triangle_forces)  # fmt: skip
         self._read, self._scalars = read, scalars
 
     def column(self, name: str) -> Any:

@@ -41,20 +41,20 @@ def read_vtu(path: Path) -> Frame:
     return read_vtu_and_cells(path)[0]
 
 
-def read_vtu_and_cells(path: Path) -> tuple[Frame, list[str]]:
-    """As `read_vtu`, and the names of the arrays that the file has for its cells. Raises FrameError."""
+def read_vtu_and_cells(path: Path) -> tuple[Frame, Frame]:
+    """As `read_vtu`, and the arrays that the file has for its cells. Raises FrameError."""
     import meshio
 
     if not path.is_file():
         raise FrameError(f"{path}: no such frame")
     try:
         if empty := _without_points(path):
-            return empty, []
+            return empty, {}
         mesh = meshio.read(path, file_format="vtu")
     except (Exception, SystemExit) as error:  # meshio raises many kinds, and exits on some broken files
         raise FrameError(f"{path}: truncated or corrupted VTU ({type(error).__name__}: {error})") from error
     frame = {"points": np.asarray(mesh.points), **{k: np.asarray(v) for k, v in mesh.point_data.items()}}
-    return frame, list(mesh.cell_data)
+    return frame, {k: np.concatenate(parts) for k, parts in mesh.cell_data.items()}
 
 
 def _without_points(path: Path) -> Frame | None:

@@ -195,8 +195,9 @@ class Scene(Model):
         """SHA-256 of the physics: all but name and title; of files the content, not the path."""
         data, digest = self.model_dump(exclude={"name", "title", "walls"}), hashlib.sha256()
         data["walls"] = [_stated(wall, digest) for wall in self.walls]
-        if not self.output.wall_forces:
-            del data["output"]["wall_forces"]
+        for key in ("wall_forces", "wall_stress"):
+            if not data["output"][key]:
+                del data["output"][key]
         data["contact"] = {k: v for k, v in data["contact"].items() if (k, v) not in LATER_OF_CONTACT.items()}
         data["insert"] = [_hashed(columns, digest) for columns in self._insertion_columns()]
         if not self.insert:

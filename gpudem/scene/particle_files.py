@@ -307,7 +307,7 @@ def _numbers(texts: list[str], name: str) -> np.ndarray:
 def _vtu(path: Path) -> Columns:
     columns, cell_arrays = read_vtu_and_cells(path)
     if cell_arrays:
-        raise ValueError(f"array {cell_arrays[0]!r} belongs to cells; particles are points")
+        raise ValueError(f"array {next(iter(cell_arrays))!r} belongs to cells; particles are points")
     start, _, _ = path.read_bytes().partition(b"</PointData>")
     names = re.findall(rb'<DataArray[^>]*\bName="([^"]*)"', start.partition(b"<PointData")[2])
     twice = [name.decode(errors="replace") for name in names if names.count(name) > 1]

@@ -267,7 +267,10 @@ class Output(Model):
     energy, contacts, front_x, centre of mass, and the work of moving walls where there are any."""
     wall_forces: tuple[Name, ...] = ()
     """Names of walls (of a box: of its planes) whose force, torque and work the history has:
-    `force_NAME_x` [N], `torque_NAME_x` [N m], ..., `work_NAME` [J]; of meshes, frames have the stress."""
+    `force_NAME_x` [N], `torque_NAME_x` [N m], ..., `work_NAME` [J]."""
+    wall_stress: tuple[Name, ...] = ()
+    """Names of meshes whose frames (`frames/walls_<step>.vtu`) have pressure and shear stress [Pa] of each
+    triangle: the force of the particles on it by its area, along its normal and within it."""
     restart_every: Annotated[float, positive("s")] | None = None
     """The exact state, from which `gpudem resume` continues; each file replaces the last. gpudem only."""
 

@@ -64,12 +64,17 @@ def statements(scene: Scene) -> list[str]:
 
 
 def forces(scene: Scene) -> list[str]:
-    """Forces asked for of walls that are not there, or without a history."""
+    """Forces and stress asked for of walls that are not there, or where there are none."""
     known, wanted = [wall.name for wall in scene.wall_elements], scene.output.wall_forces
     unknown = [name for name in wanted if name not in known]
     found = [f"output.wall_forces: {name!r} is no wall{nearest(name, known)}" for name in unknown]
     if wanted and scene.output.history_every is None:
         found.append("output.wall_forces: has no effect without output.history_every [s]")
+    for name in scene.output.wall_stress:
+        if name not in known:
+            found.append(f"output.wall_stress: {name!r} is no wall{nearest(name, known)}")
+        elif name not in [mesh.name for mesh in scene.meshes]:
+            found.append(f"output.wall_stress: {name!r} is no mesh, and has no triangles")
     return found
 
 

@@ -539,6 +539,18 @@ class Solver:
             for w, wall in enumerate(elements) if wall.name in wanted
         }  # fmt: skip
 
+    def triangle_forces(self) -> dict[str, np.ndarray]:
+        """Force of the particles on each triangle [N], (k, 3), of the meshes of `output.wall_stress`."""
+        wanted = self.scene.output.wall_stress
+        if not wanted:
+            return {}
+        joined, found, first = self._wall_forces.on_triangles(self._meshes.triangles), {}, 0
+        for mesh in self.scene.meshes:
+            if mesh.name in wanted:
+                found[mesh.name] = joined[first : first + len(mesh.corners)]
+            first += len(mesh.corners)  # mutate: first_triangle_of_mesh
+        return found
+
     def servo_ways(self) -> dict[str, np.ndarray]:
         """How far each wall with a servo is from its place at the start [m], shape (3,), by name."""
         elements, servos = self.scene.wall_elements, self._motion.servos

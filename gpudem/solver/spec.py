@@ -76,7 +76,7 @@ class Spec:
             meshes=scene.contact.mesh_contacts if scene.meshes else "",
             moving_walls=needs.vibration,
             fast_floors=any(wall.fast_floor for wall in scene.wall_elements),
-            wall_forces=bool(scene.output.wall_forces) or bool(scene.servos),
+            wall_forces=bool(scene.output.wall_forces or scene.output.wall_stress or scene.servos),
             servo=bool(scene.servos),
             turning_walls=any(w.motion or w.surface_velocity for w in scene.wall_elements),
             long_range=scene.contact_range > 0,

@@ -1,6 +1,9 @@
 # pyright: reportInvalidTypeForm=false, reportIndexIssue=false, reportArgumentType=false
 # pyright: reportOperatorIssue=false
-"""Force and torque on each wall in the written step: summed on the device, float64, in a fixed order."""
+"""Force and torque on each wall in the written step: summed on the device, float64, in a fixed order.
+
+Forces on triangles are summed on the host, for they are wanted where a frame is written.
+"""
 
 import functools
 from typing import Any
@@ -88,3 +91,18 @@ class WallForces:
             )  # fmt: skip
         shape = (self.threads, state.walls, 3)
         return tuple(a.numpy().reshape(shape).sum(axis=0) for a in (self._force, self._torque))  # type: ignore[return-value]
+
+    def on_triangles(self, count: int) -> np.ndarray:
+        """Force on each triangle of the scene [N], (count, 3), summed in order of the list."""
+        state, p = self.state, self.state.particles
+        start, first = p.start.numpy()[: state.present + 1], p.wall_start.numpy()[: state.present]
+        is_wall = np.zeros(start[-1] + 1, np.int64)  # 1 from the first wall of a particle to its last
+        np.add.at(is_wall, first, 1)
+        np.add.at(is_wall, start[1:], -1)
+        entries = np.flatnonzero(np.cumsum(is_wall[:-1]))
+        other = p.neighbor.numpy()[entries]
+        code = np.where(other < 0, -other - 1, other) - state.n - state.walls
+        of_mesh = code >= 0
+        triangle = code[of_mesh] // state.spec.mesh_images  # mutate: triangle_of_image
+        force = -p.wall_force.numpy()[entries[of_mesh]].astype(float)  # mutate: force_on_triangle
+        return np.stack([np.bincount(triangle, force[:, k], count) for k in range(3)], axis=1)

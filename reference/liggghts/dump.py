@@ -39,7 +39,8 @@ def frames(scene: Scene, directory: Path) -> None:
     writer, ways = FrameWriter(directory, scene), wall_loads.servo_ways(scene, directory / RAW)
     for step in range(0, scene.n_steps + 1, scene.frame_stride):
         raw = frame(scene, directory / RAW / f"p_{step:09d}.vtu", step)
-        writer.add(step, raw, {name: way[step] for name, way in ways.items()})
+        forces = wall_loads.triangle_forces(scene, directory / RAW, step)
+        writer.add(step, raw, {name: way[step] for name, way in ways.items()}, forces)
     shutil.rmtree(directory / RAW)
 
 

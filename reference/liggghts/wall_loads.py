@@ -60,6 +60,11 @@ class Written:
 def warnings(scene: Scene) -> list[str]:
     """What is left out of the history's columns of walls, and why, a sentence each."""
     found = []
+    if scene.output.wall_stress:
+        found.append(
+            "output.wall_stress: nan in the first frame, for LIGGGHTS does not sum forces on meshes in the"
+            " set-up"
+        )
     for wall in _wanted(scene):
         loads = f"history columns of wall {wall.name!r}"
         if not _readable(scene, wall):
@@ -181,6 +186,41 @@ def servo_ways(scene: Scene, folder: Path) -> dict[str, np.ndarray]:
     """How far each servo wall is from its place at the start in every step [m], (steps + 1, 3), by name."""
     walls = [scene.wall_elements[w].name for w in scene.servos]
     return {name: _lines(scene, folder, name)[:, 6:] for name in walls}
+
+
+def triangle_forces(scene: Scene, folder: Path, step: int) -> dict[str, np.ndarray]:
+    """Force of the particles on each triangle at a frame [N], (k, 3), of the meshes of `output.wall_stress`.
+
+    NaN in the set-up, in which the binary does not sum them. Raises LiggghtsOutputError.
+    """
+    found = {}
+    for mesh in scene.meshes:
+        if mesh.name in scene.output.wall_stress:
+            edges = np.diff(mesh.corners, axis=1)
+            area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
+            stress = _stress(folder / f"stress_{mesh.name}_{step:09d}.vtk", len(area))
+            found[mesh.name] = stress * area[:, None] if step else np.full((len(area), 3), np.nan)
+    return found
+
+
+def _stress(path: Path, count: int) -> np.ndarray:
+    """Force by area of each triangle [Pa], (count, 3), from a binary file of `dump mesh/vtk`."""
+    try:
+        content = path.read_bytes()
+        columns = {}
+        for name, kind, width in (("stress", "double", 3), ("meshid", "int", 1)):
+            heading = f"{name} {width} {count} {kind}\n".encode()
+            at = content.index(heading) + len(heading)
+            dtype = ">f8" if kind == "double" else ">i4"
+            columns[name] = np.frombuffer(content, dtype, count * width, at).reshape(count, width)
+    except (OSError, ValueError) as error:
+        raise LiggghtsOutputError(f"{path}: not the stress on {count} triangles: {error}") from None
+    order = columns["meshid"][:, 0]
+    if not np.array_equal(np.sort(order), np.arange(count)) or not np.isfinite(columns["stress"]).all():
+        raise LiggghtsOutputError(f"{path}: not one finite stress for each of {count} triangles")
+    stress = np.empty((count, 3))
+    stress[order] = columns["stress"]
+    return stress
 
 
 def history(scene: Scene, folder: Path, thermo: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

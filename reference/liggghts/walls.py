@@ -174,7 +174,8 @@ def meshes(scene: Scene) -> list[MeshWords]:
         servo = next((m for m in mesh.motion if isinstance(m, Servo)), None)
         moves = range(0 if servo else len(mesh.motion))
         motions = [_motion(scene, mesh, k, variables) for k in moves]
-        style, words = _load(mesh, servo) if servo or mesh.name in scene.output.wall_forces else ("", "")
+        asked = mesh.name in (*scene.output.wall_forces, *scene.output.wall_stress)
+        style, words = _load(mesh, servo) if servo or asked else ("", "")
         belt = "" if mesh.surface_velocity is None else f" surface_vel {vector(mesh.surface_velocity)}"
         kind = scene.material_index[mesh.material] + 1
         name = mesh_file(mesh.name)

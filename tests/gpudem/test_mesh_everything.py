@@ -191,19 +191,25 @@ def test_a_floor_that_moves_on_through_periodic_sides(precision):
 
 
 def test_forces_on_walls_across_periodic_sides():
-    """Of a floor and of ends, each to its own wall. Catches the entry of an image taken for a triangle."""
+    """Of a floor and of ends, each to its own wall, and over its triangles. Catches the entry of an image
+    taken for a triangle, the first triangles of the scene taken for those of a mesh.
+    """
     loads = []
     for walls in (
         [{"kind": "plane", "name": "floor", "material": "wall", "point": (0, 0, 0), "normal": (0, 0, 1)}],
         [mesh(FLOORS["fine"], "floor")],
     ):
-        output = {"history_every": 0.01, "wall_forces": ("ends", "floor")}
+        meshes = ("ends", *(wall["name"] for wall in walls if wall["kind"] == "mesh"))
+        output = {"history_every": 0.01, "wall_forces": ("ends", "floor"), "wall_stress": meshes}
         scene = periodic([mesh(sides("x", 0.02), "ends"), *walls], output=output)
         solver = Solver(scene, threads=1)
         solver.start()
         solver.advance(400)
         solver.write_step()
         loads.append({name: load.force for name, load in solver.wall_loads().items()})
+        for name, forces in solver.triangle_forces().items():
+            assert forces.sum(axis=0) == pytest.approx(loads[-1][name], rel=1e-12)
+            assert len(forces) == len(next(w.corners for w in scene.meshes if w.name == name))
         solver.close()
     exact, found = loads
     assert set(exact) == {"ends", "floor"}

@@ -249,3 +249,55 @@ def test_velocity_of_a_servo_in_a_later_set_up():
 def _stop(sim) -> None:
     if sim.time > 0.08:
         raise KeyboardInterrupt
+
+
+def test_stress_on_triangles(tmp_path):
+    """Balls that slide on a belt of two triangles, one on each, under a roof that nothing touches: the
+    pressure adds up to the force, and the shear stress is mu times it.
+
+    Detects the force on a particle for that on the wall, a triangle's force at another, half of an area, zero
+    for a wall that nobody asked for.
+    """
+    roof = {"kind": "mesh", "name": "roof", **FLAT, "move": (0, 0, 1.0)}
+    belt = floor("mesh") | {"surface_velocity": (30.0, 0, 0)}
+    output = {"wall_forces": ("floor",), "wall_stress": ("floor",), "history_every": DT}
+    s = scene([roof, belt], [[0.9, -0.8, 0.0498], [-0.3, 0.4, 0.0499]], steps=500, output=output)
+    run = gpudem.simulate(s, tmp_path)
+    cells, force = run.frames.walls(-1), vector(run.history, "force", "floor")[-1]
+    assert cells["wall"].tolist() == [0, 0, 1, 1]
+    assert np.isnan(cells["pressure"][:2]).all()
+    assert np.isnan(cells["shear_stress"][:2]).all()
+    pressure, shear = cells["pressure"][2:], cells["shear_stress"][2:]
+    weights = run.frames[-1]["force"][:, 2] + 9.81 * s.masses
+    assert pressure * 2.0 == pytest.approx(weights, rel=1e-9)  # two triangles of 2 m2
+    assert weights.min() > 1.0
+    assert pressure.sum() * 2.0 == pytest.approx(-force[2], rel=1e-12)
+    assert shear == pytest.approx(0.4 * pressure, rel=1e-9)
+
+
+def test_stress_on_a_turned_triangle(tmp_path):
+    """A floor that turns over, with a ball pressed on it from its back: the pressure is negative and what the
+    history has, along the normal where the floor is now. Detects a normal at the start."""
+    turn = {"type": "rotate", "axis": (0, 1, 0), "point": (0, 0, 0), "period": 0.4}
+    s = scene(
+        [floor("mesh") | {"motion": [turn]}], [[0.0, 0.0, -R + 1e-4]], steps=1000, gravity=(0.0, 0.0, 98.1),
+        output={"wall_stress": ("floor",), "frames_every": 1000 * DT},
+    )  # fmt: skip
+    run = gpudem.simulate(s, tmp_path)
+    angle = 2 * np.pi * 0.02 / 0.4
+    force = vector(run.history, "force", "floor")[-1]
+    normal = np.array([np.sin(angle), 0, np.cos(angle)])
+    assert force @ normal > 1.0
+    cells = run.frames.walls(-1)
+    assert cells["pressure"].sum() * 2.0 == pytest.approx(-force @ normal, rel=1e-9)
+    assert np.max(cells["shear_stress"]) * 2.0 == pytest.approx(
+        np.linalg.norm(force - force @ normal * normal), rel=1e-6
+    )
+
+
+def test_stress_of_walls_without_triangles_is_refused():
+    """By name. Detects frames that silently lack what was asked for."""
+    with pytest.raises(SceneError, match=r"wall_stress: 'floor' is no mesh, and has no triangles"):
+        scene([floor("plane")], [[0, 0, 0.06]], output={"wall_stress": ("floor",)})
+    with pytest.raises(SceneError, match=r"wall_stress: 'flor' is no wall; did you mean 'floor'"):
+        scene([floor("mesh")], [[0, 0, 0.06]], output={"wall_stress": ("flor",)})

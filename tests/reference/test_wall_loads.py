@@ -175,6 +175,39 @@ def test_frames_show_where_the_binary_moved_a_servo_wall(tmp_path, liggghts):
 
 
 @pytest.mark.liggghts
+@pytest.mark.parametrize(
+    "name",
+    [
+        "seam_of_two",
+        *(pytest.param(n, marks=pytest.mark.long) for n in ("servo_p", "periodic_floor", "osc_swing")),
+    ],
+)
+def test_stress_on_triangles_agrees_with_binary(name, tmp_path, liggghts):
+    """Pressure and shear stress of every triangle in every frame after the set-up, of which the binary
+    has none.
+
+    Detects the stress of another triangle, another sign, the area or the normal of another place.
+    """
+    meshes = tuple(mesh.name for mesh in SCENES[name]().meshes)
+    scene = SCENES[name]().replace(
+        output={"wall_stress": meshes, "frames_every": 100 * DT}, time={"duration": 600 * DT}
+    )
+    theirs, ours = code.run(scene, tmp_path / "theirs"), simulate(scene, directory=tmp_path / "ours")
+    assert np.isnan(theirs.frames.walls(0)["pressure"]).all()
+    assert any("wall_stress: nan in the first frame" in text for text in theirs.warnings)
+    seen = 0.0
+    for k in range(1, 7):
+        a, b = theirs.frames.walls(k), ours.frames.walls(k)
+        assert np.array_equal(a["wall"], b["wall"])
+        largest = max(np.nanmax(np.abs(b["pressure"])), np.nanmax(b["shear_stress"]))
+        seen = max(seen, largest)
+        for column in ("pressure", "shear_stress"):
+            assert np.array_equal(np.isnan(a[column]), np.isnan(b[column]))
+            assert np.nanmax(np.abs(a[column] - b[column])) <= TOLERANCE * largest, (k, column)
+    assert seen > 1.0  # Pa: there was a stress to agree on
+
+
+@pytest.mark.liggghts
 def test_recorded_columns(tmp_path, liggghts, monkeypatch):
     """Detects columns of walls lost on the way through a recorded run."""
     run = code.run(SCENES["flat_mesh"]().replace(time={"duration": 100 * DT}), tmp_path / "run")

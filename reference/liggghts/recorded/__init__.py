@@ -86,6 +86,7 @@ def recall(key: str, scene: Scene, directory: Path, folder: Path | None = None) 
     where = f"{facts['recorded']} on {facts['machine']} with {facts['version']}"
     warning = f"LIGGGHTS was not run here: recorded {where}; frames as {facts['frame_dtype']}"
     warning += f", without {', '.join(facts['left_out'])}" if facts["left_out"] else ""
+    warning += "; stress on triangles is not kept: nan" if scene.output.wall_stress else ""
     timing = Timing(len(scene.state), scene.n_steps, stepping_s=facts["stepping_s"], cores=facts["ranks"])
     history, left_out = None, []
     if parts["history"]:
