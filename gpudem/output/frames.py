@@ -67,9 +67,10 @@ def wall_cells(
     area = np.maximum(np.linalg.norm(twice, axis=1) / 2, 1e-300)
     normal = twice / (2 * area)[:, None]
     along = np.einsum("ij,ij->i", force, normal)
+    pressure = -along / area  # mutate: pressure_of_triangle
     return {
         "wall": np.repeat([elements.index(wall) for wall in walls], cells).astype(np.int32),
-        "pressure": -along / area,  # mutate: pressure_of_triangle
+        "pressure": pressure,
         "shear_stress": np.linalg.norm(force - along[:, None] * normal, axis=1) / area,
     }
 
