@@ -21,6 +21,7 @@ from gpudem.errors import GpudemError
 from gpudem.output import observables
 from gpudem.output.view import DeviceView, View
 from gpudem.scene import Scene
+from gpudem.scene.groups import FREE
 from gpudem.scene.walls import Wall
 from gpudem.solver.by_id import gather_by_id, position_by_id, scatter_by_id, set_body_by_id
 from gpudem.solver.device import compile_kernels
@@ -218,7 +219,19 @@ class Simulation:
         if bad.any():
             row = int(np.argmax(bad))
             raise GpudemError(f"write: {name} of particle {row + 1} = {array[row].tolist()} {what}")
+        self._check_held(name, array)
         return wp.array(array.astype(float), dtype=solver.state.types.wide3, device=self.device)
+
+    def _check_held(self, name: str, array: np.ndarray) -> None:
+        """Particles of groups stay where they are. Raises GpudemError: another value than theirs."""
+        rows = np.flatnonzero(self.scene.held[: len(array)] != FREE)
+        if not len(rows):
+            return
+        other = (array[rows] != self.read(name).numpy()[rows]).any(axis=1)
+        if other.any():
+            i = int(rows[np.argmax(other)])
+            group = next(group.name for group in self.scene.groups if i in group.rows(self.scene))
+            raise GpudemError(f"write: particle {i + 1} is in group {group!r}: its {name} must stay as it is")
 
     def _property(self, name: str) -> np.ndarray:
         state, n = self.scene.state, self._solver.state.present

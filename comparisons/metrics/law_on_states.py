@@ -72,7 +72,7 @@ def judged(scene: Scene, trace: Trace) -> str:
     other = law.normal != "hertz" or law.tangential == "no_history"
     if other or scene.needs.rolling or scene.needs.cohesion or law.frictionless_dashpot:
         return "the law is evaluated only for hertz with history, without rolling friction and cohesion"
-    if scene.needs.vibration or scene.needs.periodic or scene.needs.gate:
+    if scene.needs.vibration or scene.needs.periodic or scene.needs.gate or scene.needs.held:
         return "the law is evaluated only with walls at rest and without periodic sides"
     if len(trace["step"]) != scene.n_steps + 1:
         return "states are not written at every step"

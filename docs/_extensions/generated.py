@@ -60,7 +60,7 @@ def code(text: str) -> str:
 
 def scene_page() -> str:
     """Every key of a scene file: type, unit, range, default, meaning."""
-    from gpudem.scene import insertion, mesh, motion, sections, wall_kinds, walls
+    from gpudem.scene import groups, insertion, mesh, motion, sections, wall_kinds, walls
     from gpudem.scene.model import Scene
 
     parts = {
@@ -73,6 +73,7 @@ def scene_page() -> str:
         '[particles] with source = "lattice"': sections.Lattice,
         "Mixture of radii": sections.RadiusShare,
         '[[insert]] with kind = "list"': insertion.InsertList,
+        "[[groups]]": groups.Group,
         **{f'[[walls]] with kind = "{kind}"': section for kind, section in wall_kinds.BUILT_IN.items()},
         "Vibration of a plane": walls.Vibration,
         "The turn of a mesh into its place": mesh.Placement,

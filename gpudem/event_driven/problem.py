@@ -201,6 +201,8 @@ def _side_of(plane: Plane) -> int | None:
 def _unsupported_features(scene: Scene, guard: float, tangential: float | None) -> list[str]:
     """What the scene or the options ask for and hard spheres do not have, one line each."""
     found: list[str] = []
+    if scene.groups:
+        found.append("groups: hard spheres all move freely")
     if scene.insert:
         found.append("insert: hard spheres are all there at the start")
     if "restitution" not in scene.normal_law.reads:

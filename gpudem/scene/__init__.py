@@ -1,6 +1,7 @@
 """The statement of a simulation: `Scene` and its sections. No Warp here."""
 
 from gpudem.errors import SceneError
+from gpudem.scene.groups import Group
 from gpudem.scene.insertion import InsertList
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.model import Scene
@@ -29,6 +30,7 @@ __all__ = [
     "Domain",
     "Explicit",
     "FromFile",
+    "Group",
     "InsertList",
     "Lattice",
     "Material",

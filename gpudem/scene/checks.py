@@ -14,7 +14,7 @@ import numpy as np
 from gpudem.contact import registry
 from gpudem.contact.law import AdhesiveLaw, RollingLaw
 from gpudem.errors import GpudemError
-from gpudem.scene import law_parameters, wall_checks
+from gpudem.scene import groups, law_parameters, wall_checks
 from gpudem.scene.overlaps import MAX_START_OVERLAP, find_overlaps, lattice_within
 from gpudem.scene.scene_warnings import rounded_times, unexpected, without_effect
 from gpudem.scene.sections import MAX_PARTICLES
@@ -69,20 +69,22 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
     run_check(_duration, "time")
     if not (particles and run_check(_state)):
         return found
+    grouped = walls and run_check(groups.problems, "groups")
     paired = pairs and walls and run_check(_pairs, "contact")
     periodic = domain and run_check(
         lambda scene: _periodic(scene, scene.contact_range if paired else 0.0), "solver"
     )
     if run_check(_radius_units) and units and domain:
-        if run_check(_inside) and periodic:
+        if run_check(_inside) and periodic and grouped:
             run_check(_overlaps, "allow")
             run_check(_inserted_overlaps, "allow", "time")
         if walls and run_check(wall_checks.sizes, "allow"):
-            run_check(_behind_walls, "allow", "time")
+            if grouped:
+                run_check(_behind_walls, "allow", "time")
             run_check(wall_checks.reachable)
             reach = scene.contact_range if paired else 0.0
             run_check(lambda scene: wall_checks.across_periodic_sides(scene, reach))
-            if paired and speed:
+            if paired and speed and grouped:
                 run_check(_time_step, "time", "contact", "gravity", "allow")
             run_check(_vibration, "time", "solver", "allow")
             run_check(wall_checks.motions, "time", "allow")
@@ -244,7 +246,7 @@ def _behind_walls(scene: Scene) -> list[str]:
         if not there.any():
             continue
         overlap = np.where(there, wall.overlap(state.position, state.radius), 0.0)
-        bad = overlap > allowed * state.radius
+        bad = (overlap > allowed * state.radius) & (scene.held == groups.FREE)
         for what, when, group in (("particles", "", steps == 0), ("insert", " at insertion", steps > 0)):
             if not (bad & group).any():
                 continue
@@ -262,7 +264,8 @@ def _overlaps(scene: Scene) -> list[str]:
     if "overlap" in scene.allow or len(state) < 2 or lattice_within(scene):
         return []
     period = np.where(scene.domain.periodic, np.array(scene.domain.hi) - lo, 0.0)
-    found = find_overlaps(state.position - lo, state.radius, period, MAX_START_OVERLAP)
+    free = scene.held[: len(state)] == groups.FREE
+    found = find_overlaps(state.position - lo, state.radius, period, MAX_START_OVERLAP, free)
     if found is None:
         return []
     i, j = found.worst

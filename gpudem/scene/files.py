@@ -77,7 +77,7 @@ def json_text(data: dict[str, Any]) -> str:
         if key == "particles" and value:
             compact = {k: v for k, v in value.items() if isinstance(v, np.ndarray) or k == "material"}
             value = value | {k: f"@{k}" for k in compact}  # no name and no absolute path begins with @
-        elif key in ("walls", "insert"):
+        elif key in ("walls", "insert", "groups"):
             items = [(f"{i}.{k}", v) for i, wall in enumerate(value) for k, v in wall.items()]
             compact = {name: v for name, v in items if isinstance(v, np.ndarray)}
             marks = [{k: f"@{i}.{k}" for k in w if f"{i}.{k}" in compact} for i, w in enumerate(value)]

@@ -23,7 +23,8 @@ from gpudem.contact import registry
 from gpudem.contact.law import Law, NormalLaw, PairInputs
 from gpudem.contact.names import LawNames
 from gpudem.errors import SceneError
-from gpudem.scene import checks, files, insertion, laws, overlaps, time_step
+from gpudem.scene import checks, files, groups, insertion, laws, overlaps, time_step
+from gpudem.scene.groups import Group
 from gpudem.scene.insertion import Inserted, InsertList
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.motion import Servo
@@ -100,6 +101,8 @@ class Scene(Model):
     """The particles at the start; may be left out where some are inserted."""
     insert: tuple[InsertList, ...] = ()
     """Particles inserted during the run."""
+    groups: tuple[Group, ...] = ()
+    """Particles that contacts do not move."""
     gravity: Annotated[Vector, vector("m/s2")] = (0.0, 0.0, 0.0)
     """Acceleration of gravity [m/s2]."""
     walls: tuple[WallSection, ...] = ()
@@ -202,6 +205,9 @@ class Scene(Model):
         data["insert"] = [_hashed(columns, digest) for columns in self._insertion_columns()]
         if not self.insert:
             del data["insert"]
+        del data["groups"]
+        if self.groups:
+            data["held"] = _hashed(self.held, digest)
         if not self.meshes:
             data["contact"] = {k: v for k, v in data["contact"].items() if k not in OF_MESHES}
         arrays = {k: v for k, v in (data["particles"] or {}).items() if isinstance(v, np.ndarray)}
@@ -284,6 +290,11 @@ class Scene(Model):
     def insertion_steps(self) -> list[int]:
         """The steps in which particles come, ascending, each once."""
         return np.unique(self.inserted.step).tolist() if self.insert else []
+
+    @functools.cached_property
+    def held(self) -> np.ndarray:
+        """What moves each particle, shape (n,): `groups.FREE` or `groups.FROZEN`."""
+        return groups.held(self)
 
     def _stated_at_start(self) -> InitialState:
         """Particles at the start as the lattice, list or file states them. Raises ValueError: it cannot."""
@@ -453,6 +464,7 @@ class Scene(Model):
             several_materials=len(self.particle_materials) > 1,
             several_radii=bool(np.ptp(state.radius) > 0),
             cohesion=any(names.cohesion != registry.OFF for names in acting),
+            held=bool(self.groups),
         )
 
     @property

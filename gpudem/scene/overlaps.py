@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gpudem.scene import laws
+from gpudem.scene.groups import FREE, FROZEN
 
 if TYPE_CHECKING:
     from scipy.spatial import KDTree
@@ -67,15 +68,16 @@ def lattice_within(scene: Scene) -> bool:
 def largest_start_overlap(scene: Scene) -> float:
     """The largest overlap at the start, as a share of the smaller radius, of particles or at a wall [1]."""
     state, lo = scene.particles_at_start, np.array(scene.domain.lo)
+    free = scene.held[: len(state)] == FREE
     walls = [
-        float((w.overlap(state.position, state.radius) / state.radius).max(initial=0.0))
+        float((w.overlap(state.position, state.radius) / state.radius)[free].max(initial=0.0))
         for w in scene.walls_at_start
     ]
     share = max([0.0, *walls])
     if len(state) < 2 or lattice_within(scene):
         return share
     period = np.where(scene.domain.periodic, np.array(scene.domain.hi) - lo, 0.0)
-    found = find_overlaps(state.position - lo, state.radius, period, max(share, TOUCHING))
+    found = find_overlaps(state.position - lo, state.radius, period, max(share, TOUCHING), free)
     return found.overlap / float(state.radius[list(found.worst)].min()) if found else share
 
 
@@ -83,6 +85,7 @@ def start_elastic_energy(scene: Scene) -> float:
     """Elastic energy [J] of all overlaps at the start, by the normal law: m* v^2/2 of each release."""
     state, lo, energy = scene.particles_at_start, np.array(scene.domain.lo), 0.0
     names, mass = list(scene.materials), scene.masses
+    free = scene.held[: len(state)] == FREE
 
     def released(law: NormalLaw, a: int, partner: str, r: float, m: float, overlap: float) -> float:
         inputs = scene.inputs(names[state.material[a]], partner)
@@ -91,17 +94,19 @@ def start_elastic_energy(scene: Scene) -> float:
     for wall in scene.walls_at_start:
         law = laws.stated_laws(scene, wall).normal_law
         overlap = wall.overlap(state.position, state.radius)
-        for i in np.flatnonzero(overlap > TOUCHING * state.radius).tolist():
+        for i in np.flatnonzero(free & (overlap > TOUCHING * state.radius)).tolist():
             energy += released(law, i, wall.material, state.radius[i], mass[i], overlap[i])
     if len(state) < 2 or lattice_within(scene):
         return energy
     period = np.where(scene.domain.periodic, np.array(scene.domain.hi) - lo, 0.0)
-    for i, j, distance in _candidates(state.position - lo, state.radius, period, TOUCHING):
+    for i, j, distance in _meeting(_candidates(state.position - lo, state.radius, period, TOUCHING), free):
         sum_radii = state.radius[i] + state.radius[j]
         for k in np.flatnonzero(distance < sum_radii).tolist():
             a, b = int(i[k]), int(j[k])
             r = state.radius[a] * state.radius[b] / sum_radii[k]
             m = mass[a] * mass[b] / (mass[a] + mass[b])
+            if FROZEN in (scene.held[a], scene.held[b]):
+                m = mass[a] if free[a] else mass[b]
             energy += released(
                 scene.normal_law, a, names[state.material[b]], r, m, sum_radii[k] - distance[k]
             )
@@ -109,7 +114,11 @@ def start_elastic_energy(scene: Scene) -> float:
 
 
 def find_overlaps(
-    position: np.ndarray, radius: np.ndarray, period: np.ndarray, limit: float
+    position: np.ndarray,
+    radius: np.ndarray,
+    period: np.ndarray,
+    limit: float,
+    free: np.ndarray | None = None,
 ) -> Overlaps | None:
     """Pairs of spheres whose overlap R_i + R_j - distance exceeds `limit` times the smaller radius.
 
@@ -118,12 +127,13 @@ def find_overlaps(
         radius: (n,) [m].
         period: (3,) length [m] of the domain along periodic axes, above twice the largest reach; 0 elsewhere.
         limit: Share of the smaller radius [1].
+        free: (n,) which of them move freely: two others have no contact; default: all.
 
     Returns:
         What was found; None: no such pair.
     """
     count, share, worst, deepest = 0, limit, (0, 0), 0.0
-    for i, j, distance in _candidates(position, radius, period, limit):
+    for i, j, distance in _meeting(_candidates(position, radius, period, limit), free):
         overlap = radius[i] + radius[j] - distance
         shares = overlap / np.minimum(radius[i], radius[j])
         bad = shares > limit
@@ -138,6 +148,13 @@ def find_overlaps(
 
 
 Pairs = Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]
+
+
+def _meeting(pairs: Pairs, free: np.ndarray | None) -> Pairs:
+    """Those of which one at least is free."""
+    for i, j, distance in pairs:
+        keep = np.ones(len(i), bool) if free is None else free[i] | free[j]  # mutate: overlaps_of_held
+        yield i[keep], j[keep], distance[keep]
 
 
 def _candidates(position: np.ndarray, radius: np.ndarray, period: np.ndarray, limit: float) -> Pairs:

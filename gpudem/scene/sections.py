@@ -314,3 +314,4 @@ class Needs(Model):
     several_materials: bool
     several_radii: bool
     cohesion: bool
+    held: bool

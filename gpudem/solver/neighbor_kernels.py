@@ -17,6 +17,7 @@ from gpudem.solver.arrays import access
 from gpudem.solver.body import body_struct
 from gpudem.solver.class_grids import grid_functions, grid_struct
 from gpudem.solver.geometry import nearest_image
+from gpudem.solver.held_particles import held_particles
 from gpudem.solver.mesh_search import mesh_search
 from gpudem.solver.reports import (
     DEEP_IN_WALL,
@@ -180,6 +181,8 @@ def gather_kernel(spec: Spec) -> Any:
             sorted_particles.mass[i] = particles.mass[o]  # mutate: mass_at_rebuild
         if wp.static(spec.multi_material):
             sorted_particles.material[i] = particles.material[o]  # mutate: material_at_rebuild
+        if wp.static(spec.held):
+            sorted_particles.held[i] = particles.held[o]  # mutate: held_at_rebuild
         if wp.static(any(spec.periodic)):
             sorted_particles.image[i] = particles.image[o]  # mutate: image_at_rebuild
 
@@ -350,7 +353,7 @@ def span_search(spec: Spec) -> Any:
     particle of its block. Returns how many neighbors there are so far, and how many of them are in contact.
     """
     t = structs(spec.precision)
-    check_overlap = overlap_check(spec)
+    check_overlap, both_held = overlap_check(spec), held_particles(spec).both
     nearest = nearest_image(spec.periodic, spec.precision)
     get, integers = access(t.wide3).get, access(wp.int32)
     get_int, put_int = integers.get, integers.put
@@ -375,6 +378,9 @@ def span_search(spec: Spec) -> Any:
             if rsq < limit * limit and j != i:
                 if wp.static(spec.half_list):
                     if j >= block and j < i:  # mutate: pair_within_block
+                        continue
+                if wp.static(spec.held):
+                    if both_held(particles, i, j):  # mutate: pair_of_held
                         continue
                 at, entry = wp.int32(0) + neighbors, wp.int32(0) + j
                 if rsq < touch * touch:
@@ -506,6 +512,7 @@ def wall_search(spec: Spec) -> Any:
     t = structs(spec.precision)
     Params, Particles, Walls = t.Params, t.Particles, t.Walls
     put_int, find = access(wp.int32).put, wall_entry_search(spec)
+    is_held = held_particles(spec).one
     surface = wall_surface(spec.walls) if spec.walls else None
     to_wall = wall_frame(spec).to_wall
     mesh_of = mesh_search(spec) if spec.meshes else None
@@ -515,6 +522,9 @@ def wall_search(spec: Spec) -> Any:
         params: Params, particles: Particles, walls: Walls, i: wp.int32, old: wp.int32, count: wp.int32,
         out: wp.array[wp.int32], base: wp.int32, room: wp.int32, status: wp.array[wp.int64],
     ):  # fmt: skip
+        if wp.static(spec.held):
+            if is_held(particles, i):  # mutate: walls_of_held
+                return count
         x = particles.x_at_rebuild[i]
         radius = params.radius
         if wp.static(spec.polydisperse):

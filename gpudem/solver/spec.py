@@ -54,6 +54,8 @@ class Spec:
     polydisperse: bool = False
     size_classes: bool = False
     """Radii of several size classes: each class has its own cells."""
+    held: bool = False
+    """Particles of groups: contacts do not move them."""
     half_list: bool = False
     """Each pair of a block once; for devices that take the particles of a launch one after the other."""
 
@@ -84,6 +86,7 @@ class Spec:
             multi_material=needs.several_materials,
             polydisperse=needs.several_radii,
             size_classes=len(class_radii(scene.state.radius, scene.skin + scene.contact_range)) > 1,
+            held=needs.held,
             half_list=half_list,
         )
 

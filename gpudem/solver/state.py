@@ -76,6 +76,7 @@ def _particles_struct(real: Any, vec3: Any, wide: Any, wide3: Any) -> Any:
         radius: wp.array[wide]  # [m], (n,)
         mass: wp.array[real]  # [kg], (n,)
         material: wp.array[wp.int32]  # index into the scene's particle materials, (n,)
+        held: wp.array[wp.int32]  # `Scene.held`, (n,)
         image: wp.array[wp.vec3i]  # crossings of the periodic sides since the start, (n,)
         x_at_rebuild: wp.array[wide3]  # position at the last rebuild [m], (n,)
         start: wp.array[wp.int32]  # first list entry of each particle, (n + 1,)
@@ -186,6 +187,8 @@ class State:
             index = {scene.material_index[name]: k for k, name in enumerate(scene.particle_materials)}
             material = np.array([index[m] for m in scene.state.material.tolist()], np.int32)
             p.material = wp.array(material, device=device)
+        if spec.held:
+            p.held = wp.array(scene.held, dtype=wp.int32, device=device)
         p.image = zeros(n, wp.vec3i, any(spec.periodic))
         p.x_at_rebuild = zeros(n, t.wide3)
         p.start = zeros(n + 1, wp.int32)

@@ -20,6 +20,7 @@ from typing import Any
 import warp as wp
 
 from gpudem.contact.types import pair_struct
+from gpudem.scene.groups import FROZEN
 from gpudem.solver.arrays import access
 from gpudem.solver.body import body_reader, body_struct, body_writer
 from gpudem.solver.geometry import (
@@ -29,6 +30,7 @@ from gpudem.solver.geometry import (
     nearest_image,
     wall_procedure,
 )
+from gpudem.solver.held_particles import held_particles
 from gpudem.solver.mesh_contacts import mesh_contacts, triangle_apart, wall_entry
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import structs
@@ -104,6 +106,27 @@ def particle_reader(spec: Spec) -> SimpleNamespace:
         radius=radius_of, mass=mass_of, material=material_of, pair=pair_of,
         velocity=velocity_of, spin=spin_of, velocity_ahead=velocity_ahead, spin_ahead=spin_ahead,
     )  # fmt: skip
+
+
+@functools.cache
+def effective_mass(spec: Spec) -> Any:
+    """A function (params, particles, i, j, mass of i, effective mass of two free ones) -> that of a contact.
+
+    Of a frozen particle and a free one it is the free one's, as LIGGGHTS' fix freeze has it.
+    """
+    t = structs(spec.precision)
+    real, Params, Particles = t.real, t.Params, t.Particles
+    mass_of, get_int = particle_reader(spec).mass, access(wp.int32).get
+
+    @wp.func
+    def effective(params: Params, particles: Particles, i: wp.int32, j: wp.int32, mass: real, usual: real):
+        if get_int(particles.held, i) == wp.static(FROZEN):
+            return mass_of(params, particles, j)
+        if get_int(particles.held, j) == wp.static(FROZEN):
+            return mass  # mutate: mass_against_frozen
+        return usual
+
+    return effective
 
 
 @functools.cache
@@ -287,6 +310,7 @@ def step_end(spec: Spec) -> Any:
     real, wide3, vec3 = t.real, t.wide3, t.vec3
     Params, Particles, StepOutput, Body = t.Params, t.Particles, t.StepOutput, body_struct(spec)
     put_body, get_wide, to_wide = body_writer(spec), access(wide3).get, conversions(spec.precision).to_wide
+    is_held = held_particles(spec).one
 
     @wp.func
     def end_step(
@@ -300,6 +324,10 @@ def step_end(spec: Spec) -> Any:
             kick = real(0.5) * params.dt / mass  # mutate: half_kick
             # mutate: half_spin_kick
             spin_kick = real(0.5) * params.dt / (real(0.4) * real(radius) * real(radius) * mass)
+        if wp.static(spec.held):
+            if is_held(particles, i):
+                kick = real(0.0)  # mutate: kick_of_held
+                spin_kick = real(0.0)
         second_kick = kick
         second_spin_kick = spin_kick  # mutate: second_spin_kick
         if mode & SETUP:
@@ -370,6 +398,7 @@ def step_kernel(spec: Spec) -> Any:
     contact_of = wall_entry(spec) if spec.has_walls else None
     fast_gap = fast_floor_gap(spec.precision)
     note, act = wall_action(spec).note, wall_action(spec).act
+    mass_at = effective_mass(spec)
 
     @wp.kernel(module="unique", enable_backward=False)
     def step(
@@ -422,6 +451,8 @@ def step_kernel(spec: Spec) -> Any:
                     if rsq < reach * reach and not (mode & SETUP):
                         # mutate: pair_at_edge
                         c = sphere_contact(d, rsq, radius, radius_j, mass, mass_of(params, particles, j))
+                        if wp.static(spec.held):
+                            c.mass_eff = mass_at(params, particles, i, j, mass, c.mass_eff)
                         v_rel, v_rel_next = v - velocity_of(now, j), v_next - velocity_ahead(now, j, mode)
                         pair = pair_of(params, particles, laws, material, j)  # mutate: edge_coefficients
                         f = damping_apart(c, v_rel, v_rel_next, pair, dt)  # mutate: pair_edge_force
@@ -429,6 +460,8 @@ def step_kernel(spec: Spec) -> Any:
                         add_to_partner(particles, i, j, block_end, f, vec3())  # mutate: partner_edge_force
                 continue
             c = sphere_contact(d, rsq, radius, radius_j, mass, mass_of(params, particles, j))
+            if wp.static(spec.held):
+                c.mass_eff = mass_at(params, particles, i, j, mass, c.mass_eff)
             lever_j = real(radius_j) - real(0.5) * c.overlap  # mutate: partner_lever
             v_rel, w_j = v - velocity_of(now, j), spin_of(now, j)
             v_rel_next, w_j_next = v_rel, w_j

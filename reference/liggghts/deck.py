@@ -16,7 +16,7 @@ from typing import Any
 
 from gpudem.extras import from_extra
 from gpudem.scene import Scene
-from reference.liggghts import insertion, limits, wall_loads, walls
+from reference.liggghts import groups, insertion, limits, wall_loads, walls
 from reference.liggghts.contact_model import model, properties, switches
 from reference.liggghts.decomposition import processors
 
@@ -26,6 +26,9 @@ with from_extra():
 DECK, DATA, LOG, RAW = "deck.in", "particles.data", "log.liggghts", "raw"
 """Names in the run directory; RAW is the folder of unconverted dumps."""
 TRACE = f"{RAW}/trace.bin"
+
+#: Columns of dumps with the force and torque on frozen particles, which are 0 in the usual columns.
+FROZEN_COLUMNS = tuple(f"f_frozen_{what}[{k}]" for what in ("force", "torque") for k in (1, 2, 3))
 
 #: About so many progress lines per run, whatever the history interval.
 PROGRESS_LINES = 100
@@ -98,15 +101,19 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "box": [side for sides in box(scene) for side in sides],
         "inserted_kinds": insertion.kinds(scene), "inserted": insertion.balls(scene),
         "insertion_seeds": insertion.SEEDS,
+        "groups": groups.groups(scene), "mobile": "mobile" if scene.needs.held else "all",
+        "held_columns": FROZEN_COLUMNS if scene.needs.held else (),
     }  # fmt: skip
     sections = [
         "header",
         "particles",
+        "groups",
         "materials",
         "contact",
         "meshes",
         "walls",
         "gravity",
+        "frozen",
         "insertion",
         "integration",
         "history",
@@ -114,6 +121,8 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
     ]
     sections += ["trace", "run"]
     present = {
+        "groups": scene.needs.held,
+        "frozen": scene.needs.held,
         "walls": scene.needs.walls,
         "meshes": bool(scene.meshes),
         "gravity": scene.needs.gravity,

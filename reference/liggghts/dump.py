@@ -56,6 +56,9 @@ def frame(scene: Scene, path: Path, step: int) -> Frame:
             f"{path}: step {step}: no array {', '.join(missing)}; found: {', '.join(raw)}"
         )
     table = {column: raw[name] for name, column in VTU_COLUMNS.items()}
+    if scene.needs.held:
+        for column in ("force", "torque"):
+            table[column] = table[column] + raw[f"f_frozen_{column}[1-3]"]  # mutate: force_on_frozen_in_frame
     ids = np.arange(1, scene.count_at(step) + 1)
     if not np.array_equal(table["id"], ids):
         raise LiggghtsOutputError(
@@ -93,38 +96,40 @@ def trace(scene: Scene, path: Path) -> dict[str, np.ndarray]:
     if not path.is_file():
         raise LiggghtsOutputError(f"{path}: no such dump (steps 0 to {steps[-1]} expected)")
     content, at = path.read_bytes(), 0
-    values = np.full((len(steps), n, TRACE_WIDTH), np.nan)
+    values = np.full((len(steps), n, TRACE_WIDTH + 6 * scene.needs.held), np.nan)
     for k, step in enumerate(steps):
         try:
             present = scene.count_at(int(step))
-            values[k, :present], at = _snapshot(content, at, int(step), present)
+            values[k, :present], at = _snapshot(content, at, int(step), present, values.shape[2])
         except (ValueError, struct.error) as error:
             raise LiggghtsOutputError(f"{path}: truncated or corrupted at step {step}: {error}") from None
     if at != len(content):
         raise LiggghtsOutputError(f"{path}: {len(content) - at} bytes after the last step {steps[-1]}")
+    if scene.needs.held:
+        values[..., 10:16] += values[..., 16:]  # mutate: force_on_frozen_in_trace
     columns = {name: values[..., 1 + 3 * i : 4 + 3 * i].copy() for i, name in enumerate(TRACE_COLUMNS)}
     columns["position"] = wrap(scene, columns["position"])
     return {"step": steps, "time": steps * scene.time.step, **columns}
 
 
-def _snapshot(content: bytes, at: int, step: int, n: int) -> tuple[np.ndarray, int]:
-    """One step of a LIGGGHTS binary dump from byte `at`: table (n, TRACE_WIDTH), and where the next begins.
+def _snapshot(content: bytes, at: int, step: int, n: int, wanted: int) -> tuple[np.ndarray, int]:
+    """One step of a LIGGGHTS binary dump from byte `at`: table (n, wanted), and where the next begins.
 
     Header: step, particles (int64), triclinic and six boundary flags (int32), box (6 float64), columns,
     chunks (int32); then a chunk per rank: its length (int32) and numbers (float64).
     """
     found_step, particles, *_, width, chunks = SNAPSHOT.unpack_from(content, at)
-    if (found_step, particles, width) != (step, n, TRACE_WIDTH):
+    if (found_step, particles, width) != (step, n, wanted):
         raise ValueError(f"found step {found_step} with {particles} particles and {width} columns")
     at += SNAPSHOT.size
     parts = []
     for _ in range(chunks):
         (length,) = CHUNK.unpack_from(content, at)
-        if not 0 <= length <= n * TRACE_WIDTH:
+        if not 0 <= length <= n * wanted:
             raise ValueError(f"chunk of {length} numbers")
         parts.append(np.frombuffer(content, np.float64, length, at + CHUNK.size))
         at += CHUNK.size + 8 * length
-    table = np.concatenate(parts).reshape(n, TRACE_WIDTH)
+    table = np.concatenate(parts).reshape(n, wanted)
     if not np.array_equal(table[:, 0], np.arange(1, n + 1)):
         raise ValueError(f"ids are not 1 to {n} in order")
     if not np.isfinite(table).all():

@@ -9,7 +9,7 @@ from gpudem.scene.laws import acting
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.motion import Servo
 from gpudem.scene.walls import Wall
-from reference.liggghts import wall_loads
+from reference.liggghts import groups, wall_loads
 from reference.liggghts.contact_model import laws_of, pairs_of
 from reference.liggghts.errors import LiggghtsCannotState
 from reference.liggghts.insertion import MOST
@@ -72,7 +72,7 @@ def warnings(scene: Scene) -> list[str]:
 
 def check(scene: Scene, ranks: int = 1) -> None:
     """Raises LiggghtsCannotState listing every item of the scene that LIGGGHTS cannot state."""
-    found = [*_pairs(scene), *_laws(scene), *_insertions(scene, ranks)]
+    found = [*_pairs(scene), *_laws(scene), *_insertions(scene, ranks), *_groups(scene)]
     for wall in scene.wall_elements:
         if isinstance(wall, Plane):
             found += [f"walls.{wall.name}{problem}" for problem in _plane(wall)]
@@ -130,6 +130,11 @@ def _insertions(scene: Scene, ranks: int) -> Iterator[str]:
         yield f"insert: {inserted} particles; each is a fix of its own: allowed: <= {MOST}"
     if inserted and ranks > 1:
         yield f"insert: on {ranks} MPI ranks LIGGGHTS draws other places; allowed: 1"
+
+
+def _groups(scene: Scene) -> Iterator[str]:
+    if len(scene.groups) > groups.MOST:
+        yield f"groups: {len(scene.groups)}; allowed: <= {groups.MOST}"
 
 
 def _plane(plane: Plane) -> Iterator[str]:

@@ -45,6 +45,8 @@ def facts(scene: Scene) -> contract.SceneFacts:
     for wall in scene.wall_elements:
         for key in wall.given_keys("contact", "motion", "surface_velocity", "present"):
             raise CannotState(f"walls.{wall.name}.{key}: scene.json has no such property of a wall")
+    if scene.groups:
+        raise CannotState("groups: in scene.json all particles move freely")
     if scene.insert:
         raise CannotState("insert: scene.json has the particles at the start only")
     state, steps = scene.state, wanted_steps(scene)

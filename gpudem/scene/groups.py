@@ -1,0 +1,124 @@
+"""Particles that contacts do not move: `[[groups]]`, chosen by material or id.
+
+A frozen particle stays where it is, without velocity and spin; in a contact with a free one the effective
+mass is the free one's (LIGGGHTS `fix freeze`). Forces on it are computed and move nothing. Between particles
+of groups, and between them and walls, there are no contacts: neither could move the other.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from pydantic import AfterValidator, model_validator
+
+from gpudem.scene.types import Flag, Model, Name, array
+
+if TYPE_CHECKING:
+    from gpudem.scene.model import Scene
+
+#: Values of `Scene.held`: a particle that moves freely, and one that is frozen.
+FREE, FROZEN = 0, -1
+
+
+def _whole(ids: np.ndarray) -> np.ndarray:
+    """Ids as whole numbers. Raises ValueError: others among them."""
+    bad = (ids < 1) | (ids != np.floor(ids)) | (ids >= 2**53)
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise ValueError(f"row {row + 1} is {ids[row]:g}; must be ids, whole numbers from 1")
+    found = ids.astype(np.int64)
+    found.setflags(write=False)
+    return found
+
+
+class Group(Model):
+    """Particles of the start that are held: those that have every property stated."""
+
+    name: Name
+    """Name of the group; unique, and not that of a wall."""
+    material: Name | None = None
+    """Those of this material."""
+    ids: Annotated[np.ndarray, array(0, "1"), AfterValidator(_whole)] | None = None
+    """Those with these ids, counted from 1 in the order in which particles are stated, shape (k,)."""
+    frozen: Flag = False
+    """They stay where they are, and contacts with them have the effective mass of the free particle."""
+
+    @model_validator(mode="after")
+    def _stated(self) -> Group:
+        if self.material is None and self.ids is None:
+            raise ValueError("material: missing; a group states material or ids")
+        if not self.frozen:
+            raise ValueError("frozen: missing; what holds the particles is frozen = true")
+        return self
+
+    def rows(self, scene: Scene) -> np.ndarray:
+        """Its particles as rows of `Scene.state`, ascending. Raises IndexError: an id of no particle."""
+        start = scene.start_count
+        chosen = np.ones(start, bool)
+        if self.material is not None:
+            # mutate: group_by_material
+            chosen &= scene.stated_particles.material[:start] == scene.material_index[self.material]
+        if self.ids is not None:
+            if self.ids.size and self.ids.max() > start:
+                raise IndexError(int(self.ids.max()))
+            listed = np.zeros(start, bool)
+            listed[self.ids - 1] = True  # mutate: group_by_id
+            chosen &= listed
+        return np.flatnonzero(chosen)
+
+
+def held(scene: Scene) -> np.ndarray:
+    """What moves each particle of `Scene.state`, int32, shape (n,): FREE or FROZEN."""
+    found = np.full(len(scene.stated_particles), FREE, np.int32)
+    for group in scene.groups:
+        found[group.rows(scene)] = FROZEN
+    found.setflags(write=False)
+    return found
+
+
+def problems(scene: Scene) -> list[str]:
+    """What is wrong with the groups of a scene whose particles and walls are valid."""
+    found, taken = [], np.full(len(scene.stated_particles), -1)
+    walls = {wall.name for wall in scene.wall_elements}
+    names = [group.name for group in scene.groups]
+    for k, group in enumerate(scene.groups):
+        key = f"groups[{k}]"
+        if group.name in names[:k]:
+            found.append(f"{key}.name = {group.name!r}: there is another group of this name")
+        if group.name in walls:
+            found.append(f"{key}.name = {group.name!r}: a wall has this name")
+        if group.material is not None and group.material not in scene.materials:
+            known = ", ".join(sorted(scene.materials))
+            found.append(f"{key}.material = {group.material!r}: no such material; known: {known}")
+            continue
+        try:
+            rows = group.rows(scene)
+        except IndexError as error:
+            found.append(f"{key}.ids: {error.args[0]}: no such particle; allowed: 1 to {scene.start_count},"
+                         " those at the start")  # fmt: skip
+            continue
+        if not len(rows):
+            found.append(f"{key}: no particle at the start is in group {group.name!r}")
+            continue
+        both = rows[taken[rows] >= 0]
+        if len(both):
+            other = names[taken[both[0]]]
+            found.append(f"{key}: particle {both[0] + 1} is in group {other!r} already; allowed: one group")
+        taken[rows] = k
+        found += _moving(scene, key, rows)
+    if scene.groups and not found and (taken >= 0).all():
+        found.append("groups: every particle is in one; at least one must be free")
+    return found
+
+
+def _moving(scene: Scene, key: str, rows: np.ndarray) -> list[str]:
+    """Frozen particles with a velocity."""
+    state, found = scene.stated_particles, []
+    for name, unit in (("velocity", "m/s"), ("angular_velocity", "rad/s")):
+        moving = getattr(state, name)[rows].any(axis=1)
+        if moving.any():
+            i = int(rows[np.argmax(moving)])
+            value = tuple(getattr(state, name)[i].tolist())
+            found.append(f"{key}.frozen: particle {i + 1} has {name} {value} {unit}; must be 0")
+    return found

@@ -1,0 +1,119 @@
+"""Frozen particles in the solver."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gpudem import Simulation
+from gpudem.driver import simulate as run
+from gpudem.scene import Scene
+from gpudem.scene.groups import FREE
+from gpudem.solver.solver import Solver
+from tests.gpudem.beds import MATERIALS, PAIRS, finish, same
+from tests.gpudem.groups import on_base
+from tests.gpudem.test_restart import stopped_and_resumed
+
+
+def on_one(frozen: bool = True, **changes: Any) -> Scene:
+    """A ball falls on another, which is frozen or not."""
+    data: dict[str, Any] = {
+        "name": "on_one", "materials": MATERIALS, "pairs": PAIRS[:1],
+        "particles": {"source": "explicit", "position": [(0, 0, 0), (0, 0, 0.0201)], "radius": 0.01,
+                      "material": "ball", "velocity": [(0, 0, 0), (0, 0, -1.0)]},
+        "groups": [{"name": "base", "ids": [1], "frozen": True}] if frozen else [],
+        "domain": {"lo": (-1, -1, -1), "hi": (1, 1, 1)}, "time": {"step": 1e-5, "duration": 5e-3},
+        "output": {"trace_every": 1e-5},
+    }  # fmt: skip
+    return Scene(**{**data, **changes})
+
+
+def test_a_collision_with_a_frozen_ball():
+    """Detects: a frozen ball that moves, or whose mass counts; a force that is not that on the partner."""
+    trace = run(on_one(pairs=[{**PAIRS[0], "friction": 0.0}])).trace
+    assert trace is not None
+    assert not np.ptp(trace["position"][:, 0], axis=0).any()
+    assert not trace["velocity"][:, 0].any()
+    assert np.abs(trace["force"][:, 0]).max() > 1
+    assert np.array_equal(trace["force"][:, 0], -trace["force"][:, 1])
+    apart = trace["position"][0, 1] / np.linalg.norm(trace["position"][0, 1])
+    before, after = trace["velocity"][0, 1] @ apart, trace["velocity"][-1, 1] @ apart
+    assert not trace["force"][-1].any()
+    # with the effective mass of two free ones, half of it, the restitution would be 0.85
+    assert after == pytest.approx(-0.8 * before, rel=5e-3)
+
+
+def test_bases_cost_no_list_entries():
+    """Detects: contacts among frozen balls, or of frozen balls with walls, of which the base has many."""
+    scene = on_base()
+    still = scene.replace(gravity=(0, 0, 0), particles={"velocity": None}, time={"duration": 2e-3})
+    frame = finish(Solver(still, threads=1))
+    assert not frame["force"].any()
+    assert scene.start_overlap == 0.0
+
+
+@pytest.fixture(scope="module")
+def plain() -> dict[str, np.ndarray]:
+    frame = finish(Solver(on_base(), threads=1))
+    held = on_base().held != FREE
+    assert held.sum() == 200
+    assert np.array_equal(frame["position"][held], on_base().state.position[held])
+    assert not frame["velocity"][held].any()
+    assert not frame["angular_velocity"][held].any()
+    assert np.abs(frame["torque"][held]).max() > 1e-6
+    assert np.abs(frame["force"][held]).max() > 0.01
+    return frame
+
+
+@pytest.mark.parametrize("options", [{}, {"threads": 2}, {"chunk": 7}, {"chunk": 32}], ids=str)
+def test_bit_identical(plain, options):
+    """Detects: what is held read at the place of another particle."""
+    same(plain, finish(Solver(on_base(), **{"threads": 1, **options})))
+
+
+@pytest.mark.parametrize("inside", [False, True], ids=["by the host", "within the chunk"])
+def test_full_list(plain, inside):
+    """As on a GPU. Detects: a pair whose two sides have another effective mass."""
+    short = on_base(time={"step": 2e-5, "duration": 0.012})
+    one, other, half = (
+        finish(Solver(short, threads=1, half_list=kind, **options))
+        for kind, options in (
+            (False, {}),
+            (False, {"chunk": 32, "rebuild_in_graph": inside}),
+            (True, {}),
+        )
+    )
+    same(one, other)
+    moved = one["position"] - half["position"]
+    assert np.abs(moved).max() < 1e-9
+    assert np.abs(one["force"] - half["force"]).max() < 1e-6 * np.abs(one["force"]).max()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_two_parts_are_one_run(tmp_path, seed):
+    """Detects: a restart in which other particles are held, or springs on frozen balls are lost."""
+    output = {"frames_every": 0.01, "history_every": 0.001, "restart_every": 0.0005}
+    scene = on_base(100, output=output)
+    stop = int(np.random.default_rng(seed).integers(30, scene.n_steps - 10))
+    whole = run(scene, tmp_path / "whole", threads=1)
+    parts = stopped_and_resumed(scene, tmp_path / "parts", at=stop)
+    for a, b in zip(whole.frames, parts.frames, strict=True):
+        same(a, b)
+    assert whole.scene == type(whole).load(tmp_path / "whole").scene
+    listed = {"name": "listed", "ids": np.arange(1, 201), "frozen": True}
+    assert whole.scene.hash == scene.replace(groups=[listed]).hash
+    assert on_one().hash != on_one(frozen=False).hash
+
+
+def test_what_is_written_by_hand():
+    """Detects: a frozen ball that `write` lets move."""
+    with Simulation(on_one()) as sim:
+        from gpudem.errors import GpudemError
+
+        with pytest.raises(GpudemError, match="particle 1 is in group 'base'"):
+            sim.write("velocity", np.ones((2, 3)))
+        with pytest.raises(GpudemError, match="particle 1 is in group 'base'"):
+            sim.write("position", np.array([(0, 0, 0.1), (0, 0, 0.5)]))
+        sim.write("velocity", np.array([(0, 0, 0), (0, 0, 0.5)]))
+        sim.step(10)
+        assert sim.read("position").numpy()[1, 2] > 0.0201

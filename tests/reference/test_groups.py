@@ -1,0 +1,75 @@
+"""Groups of particles: gpudem and the binary agree step by step; the deck."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gpudem.driver import simulate
+from gpudem.scene import Scene
+from reference import liggghts as code
+from reference.liggghts.deck import render
+from tests.reference.test_insertion import pouring
+
+#: Of a diameter: contacts multiply rounding.
+TOLERANCE = 1e-9
+FROZEN = [(0.03 + 0.02 * (k % 3), 0.03 + 0.02 * (k // 3), 0.006) for k in range(9)]
+
+
+def on_base(**changes) -> Scene:
+    """Balls of two radii fall on nine frozen ones that reach into the floor; one of them is of `wall`."""
+    start = {
+        "source": "explicit", "position": [*FROZEN, (0.05, 0.05, 0.03), (0.05, 0.055, 0.0445)],
+        "radius": [*[0.007, 0.009, 0.008] * 3, 0.008, 0.007],
+        "material": [*["ball"] * 8, "wall", "ball", "ball"],
+    }  # fmt: skip
+    groups = [{"name": "base", "ids": [1, 2, 3, 5, 6, 7, 8], "frozen": True},
+              {"name": "rest", "ids": [4, 9], "frozen": True}]  # fmt: skip
+    return pouring(**{"particles": start, "groups": groups, "count": 20, **changes})
+
+
+ROLLING = {"contact": {"rolling": "epsd"}}
+
+
+@pytest.mark.liggghts
+@pytest.mark.parametrize(
+    "options", [{}, {"periodic": True}, {"insert": (), **ROLLING}], ids=["inserted", "periodic", "epsd"]
+)
+def test_agrees_with_binary(options, tmp_path, liggghts):
+    """Detects: another effective mass or inertia, contacts of frozen balls with walls or one another, a force
+    or torque on them that is left out, a frozen ball that moves.
+    """
+    scene = on_base(**options)
+    if "contact" in options:
+        pairs = [
+            pair.model_dump() | {"rolling_friction": 0.1, "rolling_viscous_damping": 0.2}
+            for pair in scene.pairs
+        ]
+        scene = scene.replace(pairs=pairs)
+    run, ours = code.run(scene, tmp_path), simulate(scene)
+    assert run.trace is not None
+    assert ours.trace is not None
+    for name in ("position", "velocity", "angular_velocity", "force", "torque"):
+        scale = np.nanmax(np.abs(ours.trace[name]))
+        assert scale > 0
+        assert np.nanmax(np.abs(run.trace[name] - ours.trace[name])) < TOLERANCE * scale, name
+    held = scene.held != 0
+    assert np.abs(ours.trace["torque"][:, : len(held)][:, held]).max() > 0
+    assert run.history is not None
+    assert ours.history is not None
+    assert np.array_equal(run.history.contacts, ours.history.contacts)
+    assert ours.history.contacts.max() >= 2
+    theirs = list(run.frames)[-1]
+    assert np.array_equal(theirs["force"], run.trace["force"][-1])
+    assert np.array_equal(theirs["torque"], run.trace["torque"][-1])
+
+
+def test_deck():
+    """Detects: a group of other particles, walls or an integration that act on held ones."""
+    text = render(on_base()).text
+    lines = text.splitlines()
+    members = [line.split(maxsplit=2)[2] for line in lines if line.startswith("group           group_")]
+    assert members == ["id <> 1 3", "id <> 5 8", "id <> 4 4", "id <> 9 9"]
+    acting = [line.split()[2] for line in lines if "wall/gran" in line or "nve/sphere" in line]
+    assert set(acting) == {"mobile"}
+    assert "frozen" not in render(pouring()).text
