@@ -168,6 +168,8 @@ class TangentialLaw(Law):
     slot = "tangential"
     history: ClassVar[bool] = False
     """The spring is stored from step to step."""
+    acts_by: ClassVar[tuple[str, ...]] = ()
+    """Those of k_tangential and c_tangential without which there is no force; (): it needs neither."""
 
     def __init__(self, force: Any):
         self.force = force

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gpudem.contact.law import Slot
+from gpudem.contact import registry
+from gpudem.contact.law import Slot, TangentialLaw
 from gpudem.contact.names import LawNames
 from gpudem.scene.laws import stated_laws
 from gpudem.scene.mesh import Mesh
@@ -110,13 +111,14 @@ def _unread(scene: Scene, pair: Pair) -> Iterator[tuple[tuple[str, ...], str]]:
 
 def _no_tangential_force(scene: Scene, pair: Pair, names: LawNames) -> str:
     """Why a pair with friction has no tangential force under these laws; empty where it has one."""
-    law, normal = names.tangential, names.normal_law
+    law, normal = registry.find("tangential", names.tangential), names.normal_law
+    acts = law.acts_by if isinstance(law, TangentialLaw) else ()
     constants = normal.coefficients_of(scene.inputs(*pair.materials))
-    damped = scene.contact.tangential_damping and constants["c_tangential"] > 0
-    sprung = law == "history" and constants["k_tangential"] > 0
-    if damped or sprung or law not in ("history", "no_history"):
+    if not scene.contact.tangential_damping:
+        constants["c_tangential"] = 0.0
+    if not acts or any(constants[name] > 0 for name in acts):
         return ""
-    if law == "history":
+    if "k_tangential" in acts:
         return "without tangential stiffness and damping"
     why = "restitution = 1" if "restitution" in normal.reads else "gamma_t = 0"
     if not scene.contact.tangential_damping:

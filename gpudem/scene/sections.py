@@ -96,7 +96,8 @@ class Contact(Model):
     normal: Annotated[str, law_name("normal")] = "hertz"
     """hertz, hertz/stiffness, hooke, hooke/stiffness, jkr, or a law of another package."""
     tangential: Annotated[str, law_name("tangential")] = "history"
-    """off, no_history, history, or a law of another package."""
+    """off, no_history, history, history_rotated, history_incremental, history_capped, or
+    a law of another package."""
     rolling: Annotated[str, law_name("rolling")] = "off"
     """off, cdt, epsd, epsd2, epsd3, or a law of another package."""
     cohesion: Annotated[str, law_name("cohesion")] = "off"

@@ -91,7 +91,8 @@ class ContactFacts(BaseModel):
     normal: str
     """hertz, hertz/stiffness, hooke, hooke/stiffness, jkr, or another."""
     tangential: str
-    """off, no_history, history, or another."""
+    """off, no_history, history, history_rotated, history_incremental, history_capped, or
+    another."""
     rolling: str
     """off, cdt, epsd, epsd2, epsd3, or another."""
     cohesion: str = "off"

@@ -10,15 +10,15 @@ import pytest
 from gpudem.driver import simulate as run
 from gpudem.output.run import TRACE_COLUMNS
 from tests.reference.emulator import emulate
-from tests.reference.scenes import AGREEMENT, two_spheres
+from tests.reference.scenes import AGREEMENT, OURS, two_spheres
 
 #: Rounding: the same operations in another order; 1e-15, in a bed, where collisions multiply it, 1e-12.
 TOLERANCE = {"periodic_bed": 1e-10}
 
 
-@pytest.mark.parametrize("name", AGREEMENT)
+@pytest.mark.parametrize("name", [*AGREEMENT, *OURS])
 def test_agrees_to_rounding(name):
-    scene = AGREEMENT[name]()
+    scene = (AGREEMENT | OURS)[name]()
     ours, theirs = run(scene).trace, emulate(scene)
     for column in TRACE_COLUMNS:
         scale = max(np.abs(theirs[column]).max(), 1e-300)

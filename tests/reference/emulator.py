@@ -18,6 +18,7 @@ import math
 import numpy as np
 
 from comparisons.oracles.cohesion import circle, linear
+from comparisons.oracles.tangential import RULES
 from gpudem.scene import Pair, Scene
 
 
@@ -292,18 +293,12 @@ def _tangential(scene, c, touching, n, vt, kt, ct, limit, update: bool) -> np.nd
             ]
             * vt
         )
-    s = c.spring[touching]
+    rule = RULES[c.laws["tangential"]]
+    slide = vt * scene.time.step if update else np.zeros_like(vt)
+    force, spring = rule(c.spring[touching], slide, vt, n, kt, ct, limit)
     if update:
-        s = s + vt * scene.time.step
-        s = s - _dot(s, n)[:, None] * n  # projected onto the new tangent plane, length not restored
-    elastic = kt * np.sqrt(_dot(s, s))
-    slip = elastic > limit
-    ratio = np.where(slip, limit / np.where(slip, elastic, 1.0), 1.0)[:, None]
-    if update:
-        c.spring[touching] = s * ratio
-    # the dashpot is added after the test: while sticking the sum may exceed mu |Fn|; while slipping there
-    # is none
-    return -kt[:, None] * s * ratio - np.where(slip, 0.0, ct)[:, None] * vt
+        c.spring[touching] = spring
+    return force
 
 
 def _rolling(scene, c, touching, n, elastic, spin) -> np.ndarray:

@@ -372,3 +372,20 @@ AGREEMENT = {
     **OWN_LAWS,
     **LATER_LAWS,
 }
+
+
+#: Tangential laws that LIGGGHTS does not have: emulator only; name -> scene maker.
+OURS = {
+    **{
+        f"{law}_{make.__name__}": lambda law=law, make=make: make(
+            name=f"{law}_{make.__name__}", contact={"tangential": law}, pair={"restitution": 0.2}
+        )
+        for law in ("history_rotated", "history_incremental", "history_capped")
+        for make in (two_spheres, resting)
+    },
+    "history_capped_no_spring": lambda: two_spheres(
+        name="history_capped_no_spring",
+        contact={"tangential": "history_capped", "normal": "hooke/stiffness"},
+        pair={**LINEAR_STIFFNESS, "kt": 0.0},
+    ),
+}  # fmt: skip

@@ -33,6 +33,7 @@ class History(TangentialLaw):
 
     name = "history"
     history = True
+    acts_by = ("k_tangential", "c_tangential")
     reads = ("friction", "tangential_damping")
     coefficients = ("friction",)
     liggghts = LiggghtsWords("history")

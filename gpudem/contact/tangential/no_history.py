@@ -22,6 +22,7 @@ class NoHistory(TangentialLaw):
     """Coulomb friction mu of the pair."""
 
     name = "no_history"
+    acts_by = ("c_tangential",)
     reads = ("friction", "tangential_damping")
     coefficients = ("friction",)
     liggghts = LiggghtsWords("no_history")

@@ -1,0 +1,1 @@
+"""Tangential laws: what those of the literature change beside that of LIGGGHTS."""
