@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 import gpudem
+from comparisons.cli import main
 from gpudem.errors import GpudemError, SceneError
+from gpudem.output.directory import save_scene
 from gpudem.output.vtu import read_pvd
 from gpudem.scene import Mesh, Scene, checks, scene_warnings
 from gpudem.scene.mesh_distance import distance_to_triangles, pair_distance
@@ -239,6 +241,20 @@ def test_json_and_pickle_give_it_back(stl):
     assert scene().walls[0] != scene({"vertices": SQUARE + 1e-9}).walls[0]
     copy = scene().meshes[0].model_copy(update={"scale": 2.0})
     assert np.array_equal(copy.corners, 2 * SQUARE[ROWS])
+
+
+def test_the_scene_json_of_a_run_is_a_scene_file(stl, tmp_path, monkeypatch):
+    """Its files count from its folder, wherever it is read from, also by the commands. Catches a mesh that is
+    looked for in the current folder, and a command that reads TOML only.
+    """
+    one = from_file(stl)
+    save_scene(tmp_path, one)
+    stl.unlink()
+    monkeypatch.chdir("/")
+    again = Scene.from_file(tmp_path / "scene.json")
+    assert again.hash == one.hash
+    assert np.array_equal(again.meshes[0].corners, one.meshes[0].corners)
+    assert main(["validate", str(tmp_path / "scene.json")]) == 0
 
 
 def test_a_relative_file_counts_from_the_scene_file(stl, tmp_path, monkeypatch):

@@ -27,7 +27,7 @@ class RunError(GpudemError):
 
 def run(path: Path, code: str, options: codes.Options, out: Path | None, quiet: bool) -> int:
     """Run a scene file through one code into a folder; Ctrl-C keeps the frames written so far."""
-    scene = Scene.from_toml(path)
+    scene = Scene.from_file(path)
 
     def start(step: codes.Progress) -> Run:
         result = codes.CODES[code].run(scene, directory, options, step, {})
@@ -159,13 +159,13 @@ def deck(path: Path) -> int:
     """Print the deck."""
     from reference.liggghts import deck as module
 
-    click.echo(module.render(Scene.from_toml(path)).text, nl=False)
+    click.echo(module.render(Scene.from_file(path)).text, nl=False)
     return 0
 
 
 def validate(path: Path) -> int:
     """Say what a valid scene amounts to. Raises SceneError for one that is not."""
-    scene = Scene.from_toml(path)
+    scene = Scene.from_file(path)
     click.echo(f"{path}: valid\n")
     rows = [(f"{name} [{unit}]" if unit else name, value) for name, value, unit in setup_table.rows([scene])]
     frames = scene.n_steps // scene.frame_stride + 1

@@ -10,7 +10,6 @@ from comparisons.harness.case import Case, Figure, Results, Table, Variant
 from comparisons.scene_case import analysis, checks, figures, headline
 from comparisons.scene_case import plan as plans
 from comparisons.scene_case.plan import Plan
-from gpudem.errors import GpudemError
 from gpudem.scene import Scene
 
 #: Endings of scene files.
@@ -28,19 +27,6 @@ def split(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
     return scenes, tuple(name for name in arguments if name not in scenes)
 
 
-def load(path: Path) -> Scene:
-    """Read a scene file, TOML or JSON. Raises SceneError."""
-    if path.suffix != ".json":
-        return Scene.from_toml(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise GpudemError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError as error:
-        raise GpudemError(f"{path}: not a text file: byte {error.start} is not UTF-8") from None
-    return Scene.from_json(text, str(path))
-
-
 def from_files(
     paths: Sequence[str], taken: Sequence[str], *, seeds: int = 5, work_precision: bool = False,
     precision: str | None = None,
@@ -48,7 +34,7 @@ def from_files(
     """One case for each file; a name that is taken gets a number. Raises SceneError."""
     names, made = set(taken), []
     for path in paths:
-        scene = load(Path(path))
+        scene = Scene.from_file(path)
         name = next(
             n
             for k in range(len(names) + 1)

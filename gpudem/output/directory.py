@@ -23,7 +23,7 @@ from gpudem.errors import GpudemError
 from gpudem.output.atomic import WriteError, remove_temporary, write_npz, write_text
 from gpudem.output.vtu import PVD
 from gpudem.scene import FromFile, Mesh, Scene, SceneError
-from gpudem.scene.files import count_paths_from, json_text, parse_json
+from gpudem.scene.files import json_text, parse_json
 
 SCENE, PARTICLES, RUN = "scene.json", "particles.npz", "run.json"
 HISTORY, TRACE, RESTART, FRAMES = "history.csv", "trace.npz", "restart.npz", "frames"
@@ -137,20 +137,13 @@ def load_scene(directory: Path) -> Scene:
     """The scene of a run with the particles that were run; a relative particle path counts from the folder.
 
     Raises:
-        GpudemError: scene.json is missing or cannot be read.
-        SceneError: what stands in scene.json is not a scene, particles.npz is missing or broken.
+        GpudemError: scene.json is missing.
+        SceneError: it cannot be read or is not a scene, particles.npz is missing or broken.
     """
     path = directory / SCENE
-    try:
-        data = parse_json(path.read_text(encoding="utf-8"), str(path))
-    except UnicodeDecodeError as error:
-        raise GpudemError(f"{path}: not a text file: byte {error.start} is not UTF-8") from None
-    except (FileNotFoundError, NotADirectoryError) as error:
-        raise GpudemError(f"{path}: {error.strerror}: not the folder of a run") from None
-    except OSError as error:
-        raise GpudemError(f"{path}: cannot be read: {error.strerror}") from None
-    count_paths_from(data, directory)
-    return Scene(_source=str(path), **data)
+    if not path.is_file():
+        raise GpudemError(f"{path}: no such file: not the folder of a run")
+    return Scene.from_file(path)
 
 
 def require_hash(path: Path, stated: object, scene: Scene) -> None:

@@ -31,17 +31,29 @@ class OneOf:
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a scene file, paths counted from its folder. Raises SceneError."""
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = tomllib.loads(_text(path))
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError, an integer of thousands of digits
+        raise SceneError(str(path), [f"not TOML: {error}"]) from None
+    count_paths_from(data, path.parent)
+    return data
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The object of a scene.json, paths counted from its folder. Raises SceneError."""
+    data = parse_json(_text(path), str(path))
+    count_paths_from(data, path.parent)
+    return data
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise SceneError(str(path), ["no such file"]) from None
     except UnicodeDecodeError as error:
         raise SceneError(str(path), [f"not a text file: byte {error.start} is not UTF-8"]) from None
     except OSError as error:
         raise SceneError(str(path), [f"cannot be read: {error.strerror}"]) from None
-    except (ValueError, RecursionError) as error:  # TOMLDecodeError, an integer of thousands of digits
-        raise SceneError(str(path), [f"not TOML: {error}"]) from None
-    count_paths_from(data, path.parent)
-    return data
 
 
 def count_paths_from(data: dict[str, Any], folder: Path) -> None:

@@ -166,6 +166,16 @@ class Scene(Model):
         return cls(_source=str(path), **files.read_toml(Path(path)))
 
     @classmethod
+    def from_file(cls, path: str | Path) -> Scene:
+        """Read a scene file: JSON where it ends in .json, as in the folder of a run; else TOML.
+
+        Raises SceneError.
+        """
+        if Path(path).suffix != ".json":
+            return cls.from_toml(path)
+        return cls(_source=str(path), **files.read_json(Path(path)))
+
+    @classmethod
     def from_json(cls, text: str, source: str = "<json>") -> Scene:
         """Read what `to_json` wrote. Raises SceneError."""
         return cls(_source=source, **files.parse_json(text, source))
