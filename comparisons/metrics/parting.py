@@ -10,6 +10,7 @@ import numpy as np
 from comparisons.metrics import contacts
 from comparisons.metrics.growth import first_beyond
 from gpudem.scene import Scene
+from gpudem.scene.motion import Servo
 from gpudem.scene.walls import Wall
 
 Trace = Mapping[str, np.ndarray]
@@ -80,10 +81,32 @@ def period(scene: Scene) -> np.ndarray:
     return np.where(scene.domain.periodic, hi - lo, 0.0)
 
 
-def walls_at(scene: Scene, time: float) -> list[Wall]:
-    """Elementary walls present at a time [s]; those whose place changes are left out."""
-    present = [w for w in scene.wall_elements if w.begin <= time and (w.end is None or time < w.end)]
-    return [w for w in present if w.speed == 0 and not w.motion]
+def walls_at(
+    scene: Scene, time: float, servo_ways: Mapping[str, np.ndarray] | None = None
+) -> list[contacts.Surface]:
+    """Elementary walls present at a time [s], where they are then.
+
+    Left out: planes that move by `vibration`, and walls with a servo of which `servo_ways` does not say how
+    far they are from their place at the start [m], (3,).
+    """
+    step = round(time / scene.time.step)
+    found: list[contacts.Surface] = []
+    for wall in scene.wall_elements:
+        if wall.begin > time or (wall.end is not None and time >= wall.end) or wall.speed > 0:
+            continue
+        if not wall.motion:
+            found.append(wall)
+        elif wall.name in (servo_ways or {}):
+            found.append(contacts.Placed(wall, np.eye(3), (servo_ways or {})[wall.name]))
+        elif wall.name in scene.wall_paths and not has_servo(wall):
+            pose = scene.wall_paths[wall.name].at(step, 1)
+            found.append(contacts.Placed(wall, pose.rotation[0], pose.shift[0]))
+    return found
+
+
+def has_servo(wall: Wall) -> bool:
+    """Whether the force on a wall decides where it goes."""
+    return any(isinstance(motion, Servo) for motion in wall.motion)
 
 
 def find(
@@ -165,9 +188,7 @@ class _Cause:
                     candidates["particle", other] = normal if self.i == i else -normal
             for i, k in state.wall_pairs.tolist():
                 if i == self.i:
-                    candidates["wall", k] = (
-                        np.array(walls[k].shape()[0]) if walls[k].kind == "plane" else None
-                    )
+                    candidates["wall", k] = contacts.normal_of(walls[k])
         if not candidates:
             return "", None, None, False
         change = self.change[self.i]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -243,8 +244,12 @@ class Sanity:
     time: np.ndarray
     energy: np.ndarray
     """Kinetic, potential and elastic energy of normal contacts [J] at these times, less what inserted
-    particles have brought.
+    particles have brought and the work of walls; NaN where that is not known.
     """
+    work: np.ndarray
+    """Work of walls that move on the particles since the start [J] at these times; 0 where none moves."""
+    unknown: str
+    """Why the work of walls is not known, or nothing."""
     scale: float
     """Largest kinetic energy [J]."""
     contacts: np.ndarray
@@ -266,18 +271,23 @@ def sanity(results: Results, plan: Plan, code: str) -> Sanity:
         busy = _busiest(scene, whole)
         looks = np.unique([*looks, *busy])
         part = {k: v[looks] for k, v in whole.items()}
-        energy = bulk.energies(scene, part)
-        states = [
-            contacts.find(x, scene.state.radius, parting.period(scene), parting.walls_at(scene, float(t)))
-            for x, t in zip(part["position"], part["time"], strict=True)
-        ]
-        elastic = np.array(
-            [elastic_energy(scene, s, float(t)) for s, t in zip(states, part["time"], strict=True)]
+        energy, (work, ways, unknown) = (
+            bulk.energies(scene, part),
+            walls_work(results[plans.SCENE, code], part),
         )
-        kinetic = bulk.energies(scene, whole)["kinetic"]
+        walls = [
+            parting.walls_at(scene, float(t), {n: w[k] for n, w in ways.items() if np.isfinite(w[k]).all()})
+            for k, t in enumerate(part["time"])
+        ]
+        states = [
+            contacts.find(x, scene.state.radius, parting.period(scene), here)
+            for x, here in zip(part["position"], walls, strict=True)
+        ]
+        elastic = np.array([elastic_energy(scene, s, here) for s, here in zip(states, walls, strict=True)])
+        kinetic, brought = bulk.energies(scene, whole)["kinetic"], inserted_energy(scene, part["step"])
         return Sanity(
             part["time"],
-            energy["kinetic"] + energy.get("potential", 0.0) + elastic - inserted_energy(scene, part["step"]),
+            energy["kinetic"] + energy.get("potential", 0.0) + elastic - brought - work, work, unknown,
             float(kinetic.max()),
             np.array([len(s) for s in states]),
             max(s.largest_overlap(scene.state.radius) for s in states), _outside(scene, whole),
@@ -285,6 +295,30 @@ def sanity(results: Results, plan: Plan, code: str) -> Sanity:
         )  # fmt: skip
 
     return results.once(("sanity", code), compute)
+
+
+def walls_work(run: Run, part: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray], str]:
+    """What a run tells of its walls that move, at the steps of a trace, (t,).
+
+    Returns:
+        Their work on the particles since the start [J], NaN where the history has no row or no column of it;
+        how far each wall with a servo is from its place at the start [m], (t, 3), by name; which column is
+        missing, or nothing.
+    """
+    moving, steps = [wall for wall in run.scene.wall_elements if wall.moves], part["step"]
+    work, ways = np.zeros(len(steps)), {}
+    if not moving:
+        return work, ways, ""
+    table = run.history.set_index("step").reindex(steps) if run.history is not None else None
+    for wall in moving:
+        column, place = f"work_{wall.name}", [f"position_{wall.name}_{axis}" for axis in "xyz"]
+        if table is None or column not in table:
+            missing = f"{codes.title(run.code)} does not tell the work of wall {wall.name!r}"
+            return np.full(len(steps), np.nan), ways, missing
+        work = work + table[column].to_numpy()
+        if parting.has_servo(wall):
+            ways[wall.name] = table[place].to_numpy() - np.array(wall.torque_point)
+    return work, ways, ""
 
 
 def _busiest(scene: Scene, whole: dict[str, np.ndarray]) -> list[int]:
@@ -295,11 +329,11 @@ def _busiest(scene: Scene, whole: dict[str, np.ndarray]) -> list[int]:
     return [int(np.argmax(_norm(whole["force"] - weight).max(axis=1)))]
 
 
-def elastic_energy(scene: Scene, state: contacts.Contacts, time: float) -> float:
+def elastic_energy(scene: Scene, state: contacts.Contacts, walls: Sequence[contacts.Surface]) -> float:
     """Elastic energy [J] of the normal contacts by the scene's law: m* v^2/2 of each overlap."""
     names, law = list(scene.materials), scene.normal_law
     mass, radius = scene.masses.tolist(), scene.state.radius.tolist()
-    material, walls, energy = scene.state.material, parting.walls_at(scene, time), 0.0
+    material, energy = scene.state.material, 0.0
     for (i, j), overlap in zip(state.pairs.tolist(), state.overlap.tolist(), strict=True):
         r, m = radius[i] * radius[j] / (radius[i] + radius[j]), mass[i] * mass[j] / (mass[i] + mass[j])
         inputs = scene.inputs(names[material[i]], names[material[j]])

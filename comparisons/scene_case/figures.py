@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -191,15 +192,22 @@ def sanity(results: Results, plan: Plan) -> pandas.DataFrame:
         momentum = found.momentum if not plan.scene.walls else math.nan
         rows.append(
             (
-                codes.title(code), float(found.contacts.max()), found.overlap, change.max(), change.min(),
-                momentum, timing.peak_memory_bytes / 2**20,
+                codes.title(code), float(found.contacts.max()), found.overlap, _known(np.nanmax, change),
+                _known(np.nanmin, change), _known(np.nanmax, found.work), momentum,
+                timing.peak_memory_bytes / 2**20,
             )
         )  # fmt: skip
     columns = [
         "code", "contacts, most", "overlap / radius", "energy, largest gain / kinetic",
-        "energy, largest loss / kinetic", "momentum, change", "peak memory of the process [MiB]",
+        "energy, largest loss / kinetic", "work of walls, most [J]", "momentum, change",
+        "peak memory of the process [MiB]",
     ]  # fmt: skip
     return pandas.DataFrame(rows, columns=columns)
+
+
+def _known(of: Callable[[np.ndarray], float], values: np.ndarray) -> float:
+    """A number of those values that are known; NaN if none is."""
+    return float(of(values)) if np.isfinite(values).any() else math.nan
 
 
 def distributions(results: Results, plan: Plan) -> pandas.DataFrame:

@@ -83,10 +83,13 @@ def sampled(scene: Scene, times: int, n_steps: int) -> Scene:
     """A scene of so many steps with a trace of at most so many times, a history, and no frames."""
     step = scene.time.step
     stride = max(1, math.ceil(n_steps / max(1, times - 1)))
-    rows = max(1, n_steps // HISTORY_ROWS)
+    rows, moving = max(1, n_steps // HISTORY_ROWS), [wall.name for wall in scene.wall_elements if wall.moves]
+    if moving:  # their work is read at times of the trace
+        rows = stride * math.ceil(rows / stride)
     output = {
         "frames_every": None, "restart_every": None, "history": None,
         "trace_every": stride * step, "history_every": rows * step,
+        "wall_forces": tuple(dict.fromkeys([*scene.output.wall_forces, *moving])), "wall_stress": (),
     }  # fmt: skip
     return scene.replace(output=output, time={"duration": n_steps * step})
 

@@ -344,6 +344,46 @@ def test_the_sentence_on_distributions():
     assert said(0.3).startswith("no significant difference in 1 metrics over 5 seeds (p > 0.01; differences")
 
 
+LIFT = {
+    "kind": "plane", "name": "floor", "material": "steel", "point": (0, 0, 0), "normal": (0, 0, 1),
+    "motion": [{"type": "linear", "velocity": (0, 0, 0.3)}],
+}  # fmt: skip
+
+
+def test_energy_that_walls_bring(compare):
+    """A ball that a rising floor hits: its energy grows by the work of the floor, which each code tells.
+
+    Detects: the work of walls left out of the balance, or with its sign turned; contacts with the floor
+    looked for at its first place; a code that does not tell the work passed as one that conserves energy.
+    """
+    elastic = [{"materials": ("glass", "steel"), "restitution": 1.0, "friction": 0.0}]
+    elastic += [{"materials": ("glass", "glass"), "restitution": 1.0, "friction": 0.0}]
+    scene = hit(pairs=elastic, walls=(LIFT,))
+    balance = "energy with that of overlaps less the work of walls: largest change / largest kinetic energy"
+
+    def telling(change) -> Code:
+        def run(scene, directory, options, progress, extra):
+            made = driver.simulate(scene, directory, threads=1, progress=progress)
+            return dataclasses.replace(made, code="other", history=change(made.history))
+
+        return Code("other", "Other", run, role="reference", unit="core")
+
+    def judged(change) -> dict:
+        _, comparison = compare(scene, telling(change))
+        return {c.name: c for c in comparison.checks if c.name.startswith(balance)}
+
+    found = judged(lambda table: table)
+    assert [c.status for c in found.values()] == ["pass", "pass"]
+    assert all((c.value or 0.0) < 0.01 for c in found.values())
+    assert "work of walls 0." in found[f"{balance} (Other)"].note
+    turned = judged(lambda table: table.assign(work_floor=-table.work_floor))[f"{balance} (Other)"]
+    assert turned.status == "fail"
+    assert (turned.value or 0.0) > 0.5
+    silent = judged(lambda table: table.drop(columns="work_floor"))[f"{balance} (Other)"]
+    assert silent.status not in ("pass", "fail")
+    assert "does not tell the work of wall 'floor'" in silent.why
+
+
 RAIN = {
     "kind": "list", "time": [0.0005, 0.0005, 0.0045], "radius": 0.002, "material": "ball",
     "position": [(0.01, 0.01, 0.015), (0.016, 0.01, 0.015), (0.0101, 0.01, 0.015)],
