@@ -267,7 +267,8 @@ def sanity(results: Results, plan: Plan, code: str) -> Sanity:
 
     def compute() -> Sanity:
         scene, whole = plan.scene, trace(results[plans.SCENE, code])
-        looks = np.unique(np.linspace(0, len(whole["time"]) - 1, LOOKS).astype(int))
+        known = _told(results[plans.SCENE, code], whole["step"])
+        looks = known[np.unique(np.linspace(0, len(known) - 1, LOOKS).astype(int))]
         busy = _busiest(scene, whole)
         looks = np.unique([*looks, *busy])
         part = {k: v[looks] for k, v in whole.items()}
@@ -319,6 +320,13 @@ def walls_work(run: Run, part: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[
         if parting.has_servo(wall):
             ways[wall.name] = table[place].to_numpy() - np.array(wall.torque_point)
     return work, ways, ""
+
+
+def _told(run: Run, steps: np.ndarray) -> np.ndarray:
+    """The indices of these steps at which the work of walls is known: all where none moves."""
+    if run.history is None or not any(wall.moves for wall in run.scene.wall_elements):
+        return np.arange(len(steps))
+    return np.flatnonzero(np.isin(steps, run.history["step"]))
 
 
 def _busiest(scene: Scene, whole: dict[str, np.ndarray]) -> list[int]:

@@ -375,6 +375,7 @@ def test_energy_that_walls_bring(compare):
     found = judged(lambda table: table)
     assert [c.status for c in found.values()] == ["pass", "pass"]
     assert all((c.value or 0.0) < 0.01 for c in found.values())
+    assert found[f"{balance} (gpudem)"].note.startswith("60 times")
     assert "work of walls 0." in found[f"{balance} (Other)"].note
     turned = judged(lambda table: table.assign(work_floor=-table.work_floor))[f"{balance} (Other)"]
     assert turned.status == "fail"
