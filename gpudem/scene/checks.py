@@ -173,15 +173,16 @@ def _adhesion(scene: Scene) -> list[str]:
     rolling = {names.rolling for names in scene.contact_groups}
     cohesive = {names.cohesion for names in scene.contact_groups} - {registry.OFF}
     refused = {
-        "solver.integrator = 'path': has no damping integral of this law; use 'half_step'":
+        "solver.integrator = 'path': its force jumps where contacts begin and break, and a step across a jump"
+        " is of first order, which a damping along the path does not mend; use 'half_step'":
             scene.solver.integrator == "path",
         "contact.limit_force = true: would take its attraction away": contact.limit_force,
         f"contact.cohesion = {', '.join(map(repr, sorted(cohesive)))}: it has an attraction of its own":
             bool(cohesive),
         "contact.rolling = 'cdt': its torque k_n overlap mu_r R* would drive a contact of negative overlap":
             "cdt" in rolling,
-        "walls: meshes: a contact across a gap is not handed on from triangle to triangle; use other walls":
-            bool(scene.meshes),
+        "contact.mesh_contacts = 'liggghts': LIGGGHTS has no law with adhesion to agree with; use 'unique'":
+            bool(scene.meshes) and contact.mesh_contacts == "liggghts",
     }  # fmt: skip
     return [f"{key}: {what}" for what, wrong in refused.items() if wrong]
 

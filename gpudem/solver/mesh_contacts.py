@@ -336,7 +336,7 @@ def spring_copy(spec: Spec) -> Any:
 
     @wp.func
     def copy(particles: t.Particles, source: wp.int32, target: wp.int32):
-        particles.neighbor[target] = -particles.neighbor[target] - 1
+        particles.neighbor[target] = -particles.neighbor[target] - 1  # mutate: contact_handed_on
         if wp.static(spec.spring_history):
             particles.spring[target] = particles.spring[source]  # mutate: spring_handed_on
         if wp.static(spec.rolling_history):

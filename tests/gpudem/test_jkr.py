@@ -14,11 +14,13 @@ import pytest
 
 from comparisons.oracles.adhesion import Adhesion
 from comparisons.oracles.bodies import bodies
+from comparisons.oracles.mesh_shapes import rectangle
 from gpudem.driver import simulate
 from gpudem.errors import SceneError
 from gpudem.scene import Scene
 from gpudem.solver.solver import Solver
 from tests.gpudem.beds import finish
+from tests.gpudem.meshes import mesh
 
 SOFT = {"young": 1e7, "poisson": 0.3, "density": 2500.0}
 HARD = {"young": 4e7, "poisson": 0.25, "density": 4000.0}
@@ -58,7 +60,8 @@ def falling(speed: float, **more) -> Scene:
 def law(scene: Scene) -> Adhesion:
     """The oracle of the first contact."""
     walled = bool(scene.walls)
-    return Adhesion(bodies(scene, 0, "floor" if walled else 1), 0.2)
+    flat = scene.replace(walls=[FLOOR]) if walled else scene  # the oracle knows planes only
+    return Adhesion(bodies(flat, 0, "floor" if walled else 1), 0.2)
 
 
 def overlaps(scene: Scene, trace: dict) -> np.ndarray:
@@ -69,7 +72,18 @@ def overlaps(scene: Scene, trace: dict) -> np.ndarray:
     return radius.sum() - np.linalg.norm(x[:, 0] - x[:, 1], axis=1)
 
 
-MAKERS = {"pair": meeting, "floor": falling}
+def tiles(height: float = 0.0, size: float = 0.02, count: int = 8) -> dict[str, Any]:
+    """A square about the origin of two triangles a tile, named as the plane that it stands for."""
+    corners = rectangle((-size, -size, height), (2 * size, 0, 0), (0, 2 * size, 0), (count, count))
+    return {**mesh(corners, "floor"), "material": "hard"}
+
+
+def falling_on_mesh(speed: float, **more) -> Scene:
+    """The same as `falling` on a mesh, over an edge of two triangles."""
+    return falling(speed, **more).replace(walls=[tiles()])
+
+
+MAKERS = {"pair": meeting, "floor": falling, "mesh": falling_on_mesh}
 
 
 @pytest.mark.parametrize("kind", MAKERS)
@@ -92,7 +106,7 @@ def test_force_along_a_contact(kind):
     assert np.abs(force[held] - want).max() < 1e-6 * want.max()
     assert not force[: touched[0]].any()  # across a gap that was never closed
     assert not force[last + 1 :].any()
-    pull = -trace["force"][:, 0, 2] if kind == "floor" else trace["force"][:, 0, 0]
+    pull = -trace["force"][:, 0, 2] if at.walls else trace["force"][:, 0, 0]
     assert pull.max() == pytest.approx(oracle.pull_off, rel=1e-6)
     v = trace["velocity"][-1]
     lost = speed**2 - np.linalg.norm(v[0] if at.walls else v[0] - v[1]) ** 2
@@ -184,9 +198,46 @@ def test_lists_agree():
         assert np.abs(half[column] - full[column]).max() < 1e-8 * scale
 
 
-def test_restart_keeps_contacts_across_gaps(tmp_path):
+def hanging(walls: list[dict[str, Any]], **more) -> Scene:
+    """A sphere that slides along a ceiling and a side wall: it hangs across a gap, by 1.45 pi w R, and comes
+    to it from touch.
+    """
+    weight = 1.45 * math.pi * 0.2 * R
+    mass = 4 / 3 * math.pi * R**3 * SOFT["density"]
+    return scene(
+        [[-0.006, R - 1e-7, -R + 1e-7]], [[0.3, 0.0, 0.0]], walls=walls, steps=30000, pair={"friction": 0.2,
+        "restitution": 0.5}, contact={"tangential": "history"}, gravity=(0.0, 0.0, -weight / mass),
+        output={"trace_every": 1e-6}, **more,
+    )  # fmt: skip
+
+
+def test_a_contact_across_a_gap_goes_on_from_triangle_to_triangle():
+    """Along a ceiling of 128 triangles and a side wall of 128 as along planes, at negative overlaps.
+
+    Detects a contact that is forgotten, or loses its spring, where the nearest triangle changes.
+    """
+    planes = [
+        {**FLOOR, "name": "top", "normal": (0, 0, -1)},
+        {**FLOOR, "name": "side", "normal": (0, 1, 0)},
+    ]
+    side = rectangle((-0.02, 0, -0.02), (0.04, 0, 0), (0, 0, 0.04), (8, 8))
+    meshes = [{**tiles(), "name": "top"}, {**mesh(side, "side"), "material": "hard"}]
+    flat, tiled = (simulate(hanging(walls)).trace for walls in (planes, meshes))
+    assert flat is not None
+    assert tiled is not None
+    overlap = R + flat["position"][:, 0, 2]
+    gap = law(falling(0.01)).gap
+    assert (overlap[-5000:] < -0.05 * gap).all()  # it hangs
+    assert np.ptp(flat["position"][:, 0, 0]) > 0.0005
+    for column in ("position", "velocity", "angular_velocity", "force"):
+        scale = np.abs(flat[column]).max()
+        assert np.abs(flat[column] - tiled[column]).max() < 1e-9 * scale, column
+
+
+@pytest.mark.parametrize("make", [falling, falling_on_mesh])
+def test_restart_keeps_contacts_across_gaps(make):
     """Cut while the surfaces are apart and hold each other: the same bits as uncut."""
-    at = falling(1.2 * law(falling(0.01)).sticking_speed)
+    at = make(1.2 * law(falling(0.01)).sticking_speed)
     whole = simulate(at).trace
     assert whole is not None
     apart = np.flatnonzero((overlaps(at, whole) < 0) & (whole["force"][:, 0, 2] < 0))
@@ -203,11 +254,12 @@ def test_restart_keeps_contacts_across_gaps(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"solver": {"integrator": "path"}}, "no damping integral of this law"),
+        ({"solver": {"integrator": "path"}}, "force jumps where contacts begin and break"),
         ({"contact": {"normal": "jkr", "limit_force": True}}, "would take its attraction away"),
         ({"contact": {"normal": "jkr", "cohesion": "sjkr"}}, "an attraction of its own"),
         ({"contact": {"normal": "jkr", "rolling": "cdt"}}, "'cdt': its torque"),
         ({"walls": [{**FLOOR, "contact": {"normal": "hertz"}}]}, "must be that of all contacts"),
+        ({"walls": [tiles()], "contact": {"normal": "jkr", "mesh_contacts": "liggghts"}}, "no law with"),
     ],
 )  # fmt: skip
 def test_what_it_does_not_go_with(changes, message):

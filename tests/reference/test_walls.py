@@ -34,6 +34,7 @@ from tests.reference.wall_scenes import (
     moved,
     objects,
     rolling,
+    sticky_mesh,
 )
 
 #: Of the largest value of each column: rounding, which contacts multiply.
@@ -64,6 +65,15 @@ LOOSER = {"drum": 1e-5}
 def test_mesh_agrees_with_binary(name, tmp_path, liggghts):
     """Detects another rule of contacts or springs at a triangle, another place or velocity of a wall."""
     assert_agreement(MESHES[name](), tmp_path, LOOSER.get(name, TOLERANCE))
+
+
+@pytest.mark.parametrize("law", ["sjkr", "sjkr2"])
+def test_cohesion_acts_at_meshes(law):
+    """So that the two codes do not agree on nothing: it changes the path by a tenth of the radius."""
+    with_it, without = (simulate(sticky_mesh(f"mesh_{law}", law, density)).trace for density in (5e4, 0.0))
+    assert with_it is not None
+    assert without is not None
+    assert np.abs(with_it["position"] - without["position"]).max() > 3e-4
 
 
 STILL: dict[str, Any] = {"velocity": [[0, 0, 0]], "spin": [[0, 0, 0]]}

@@ -130,6 +130,14 @@ def across(name: str, wall: dict, height: float = PRESSED) -> Scene:
     return scene.replace(domain={"periodic": (False, True, False)})
 
 
+def sticky_mesh(name: str, law: str, density: float = 5e4) -> Scene:
+    """A ball on a rough floor, held by cohesion of some 0.4 of its weight: faces, edges and corners."""
+    return rolling(
+        name, mesh(**grid(16, 0.04, bumps)), steps=4000, position=[[-0.0141, -0.0083, 0.0036]],
+        contact={"cohesion": law}, wall_pair={"cohesion_energy_density": density},
+    )  # fmt: skip
+
+
 def bumps(x, y):
     """A smooth rough floor [m]."""
     return 0.0012 * np.sin(900 * x) * np.cos(700 * y) + 0.0005 * np.sin(2000 * y + 1)
@@ -169,6 +177,8 @@ MESHES = {
     "mesh_cdt": lambda: rolling("mesh_cdt", mesh(**FLAT), contact={"rolling": "cdt"}, **FRICTION),
     "mesh_epsd2": lambda: rolling("mesh_epsd2", mesh(**FLAT), contact={"rolling": "epsd2"}, **FRICTION),
     "mesh_no_history": lambda: rolling("mesh_no_history", mesh(**FLAT), contact={"tangential": "no_history"}),
+    "mesh_sjkr": lambda: sticky_mesh("mesh_sjkr", "sjkr"),
+    "mesh_sjkr2": lambda: sticky_mesh("mesh_sjkr2", "sjkr2"),
     "mesh_linear": lambda: moved("mesh_linear", LINEAR),
     "mesh_rotate": lambda: moved("mesh_rotate", ROTATE),
     "mesh_oscillate": lambda: moved("mesh_oscillate", OSCILLATE),
