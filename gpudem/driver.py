@@ -157,7 +157,7 @@ def _result(
         scene=scene,
         directory=path or Path(),
         timing=Timing(
-            particles=scene.mean_count(simulation.step_count),
+            particles=simulation.departures.mean_count(simulation.step_count),
             steps=simulation.step_count,
             stepping_s=timer.stepping_s,
             setup_s=timer.setup_s,

@@ -29,7 +29,7 @@ from gpudem.solver.solver import Solver
 
 #: What `read` gives of each particle: vectors of the last full step, and properties that do not change.
 VECTORS = ("position", "velocity", "angular_velocity", "force", "torque")
-PROPERTIES = ("radius", "mass", "material")
+PROPERTIES = ("id", "radius", "mass", "material")
 #: What `write` sets.
 WRITABLE = ("position", "velocity", "angular_velocity")
 #: Steps between two checks for Ctrl-C.
@@ -139,8 +139,8 @@ class Simulation:
         """An array of the present full step on the device, ordered by id: a copy.
 
         position [m], velocity [m/s], angular_velocity [rad/s], force [N] (with gravity), torque [N m]: shape
-        (n,) of vectors; radius [m], mass [kg]: shape (n,); material: index into the scene's materials, (n,).
-        Raises GpudemError: unknown name.
+        (n,) of vectors; radius [m], mass [kg]: shape (n,); material: index into the scene's materials, (n,);
+        id: from 1, ascending, (n,). Particles that have left are not in it. Raises GpudemError: unknown name.
         """
         self._check_open()
         if name in PROPERTIES:
@@ -148,7 +148,7 @@ class Simulation:
         if name not in VECTORS:
             raise GpudemError(f"read: no array {name!r}; known: {', '.join((*VECTORS, *PROPERTIES))}")
         solver, state = self._solver, self._solver.state
-        spec, t, ids = solver.spec, state.types, state.particles.id
+        spec, t, ids = solver.spec, state.types, self._rows_of_places()
         dtype = t.vec3 if name in ("force", "torque") else t.wide3
         out = wp.zeros(state.present, dtype=dtype, device=self.device)
         if name in ("angular_velocity", "torque") and not spec.rotation:
@@ -172,7 +172,7 @@ class Simulation:
         solver = self._solver
         facts = (
             solver.contact_count, solver.wall_work, solver.wall_loads, solver.servo_ways,
-            solver.triangle_forces,
+            solver.triangle_forces, solver.rows, solver.departures.totals,
         )  # fmt: skip
         if solver.device.is_cuda:
             return DeviceView(self.scene, step, self._column, self._scalars, *facts)
@@ -196,7 +196,7 @@ class Simulation:
         solver, state = self._solver, self._solver.state
         with self._closed_by_errors():
             solver.rewind()  # mutate: rewind_before_write
-            ids = state.particles.id
+            ids = self._rows_of_places()
             self._launch(set_body_by_id(solver.spec, name), [ids, given], [state.now])
             if name != "position":
                 self._launch(scatter_by_id(state.types.wide3), [ids, given], [getattr(state.output, name)])
@@ -218,25 +218,35 @@ class Simulation:
             bad, what = ((array < lo) | (array > hi)).any(axis=1), f"is outside the domain {lo} .. {hi} m"
         if bad.any():
             row = int(np.argmax(bad))
-            raise GpudemError(f"write: {name} of particle {row + 1} = {array[row].tolist()} {what}")
+            row_id = int(solver.rows()[row]) + 1
+            raise GpudemError(f"write: {name} of particle {row_id} = {array[row].tolist()} {what}")
         self._check_held(name, array)
         return wp.array(array.astype(float), dtype=solver.state.types.wide3, device=self.device)
 
     def _check_held(self, name: str, array: np.ndarray) -> None:
         """Particles of groups stay where they are. Raises GpudemError: another value than theirs."""
-        rows = np.flatnonzero(self.scene.held[: len(array)] != FREE)
+        there = self._solver.rows()
+        rows = np.flatnonzero(self.scene.held[there] != FREE)
         if not len(rows):
             return
         other = (array[rows] != self.read(name).numpy()[rows]).any(axis=1)
         if other.any():
-            i = int(rows[np.argmax(other)])
+            i = int(there[rows[np.argmax(other)]])
             group = next(group.name for group in self.scene.groups if i in group.rows(self.scene))
             raise GpudemError(f"write: particle {i + 1} is in group {group!r}: its {name} must stay as it is")
 
     def _property(self, name: str) -> np.ndarray:
-        state, n = self.scene.state, self._solver.state.present
+        state, rows = self.scene.state, self._solver.rows()
+        if name == "id":
+            return rows + 1
         columns = {"radius": state.radius, "mass": self.scene.masses, "material": state.material}
-        return columns[name][:n]
+        return columns[name][rows]
+
+    def _rows_of_places(self) -> wp.array:
+        """On the device: the row, in order of id, of each particle in sorted order."""
+        solver = self._solver
+        ids = solver.state.particles.id
+        return ids if not len(solver.departures) else solver.departures.ranked(ids, solver.state.present)
 
     def _launch(self, kernel: Any, inputs: list[Any], outputs: list[Any]) -> None:
         compile_kernels(self.device, [kernel])

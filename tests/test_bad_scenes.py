@@ -16,6 +16,7 @@ from gpudem.scene import Explicit, Material, Scene, SceneError, checks, model, s
 from gpudem.solver.neighbor_kernels import CACHE_SIZE
 from tests.bad_groups import GROUPS
 from tests.bad_insertions import INSERTIONS
+from tests.bad_removals import REMOVALS
 from tests.bad_scenes import CONE, CYLINDER, EXPLICIT, FIELDS, GOOD, LATTICE, MESH, MOTIONS, WALLS, WHOLE, Bad
 
 
@@ -30,7 +31,7 @@ def test_the_good_scene_is_good(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "row", FIELDS + WHOLE + WALLS + MOTIONS + INSERTIONS + GROUPS, ids=lambda row: row.name
+    "row", FIELDS + WHOLE + WALLS + MOTIONS + INSERTIONS + GROUPS + REMOVALS, ids=lambda row: row.name
 )
 def test_message(row: Bad, tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"

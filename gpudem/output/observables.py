@@ -152,6 +152,14 @@ def of_wall(name: str) -> list[Observable]:
     return [*vectors, Observable(f"work_{name}", "J", lambda view: view.wall_loads[name].work)]
 
 
+def of_exit(name: str) -> list[Observable]:
+    """Columns of an exit: removed_NAME [1] and removed_mass_NAME [kg], of what has left since the start."""
+    return [
+        Observable(f"removed_{name}", "1", lambda view: view.removed[name][0], integer=True),
+        Observable(f"removed_mass_{name}", "kg", lambda view: view.removed[name][1]),
+    ]
+
+
 # -- those of gpudem -----------------------------------------------------------------------------------------
 
 
@@ -186,6 +194,12 @@ def potential_energy(view: View) -> float:
 def contacts(view: View) -> float:
     """Contacts between particles and of particles with walls."""
     return view.contacts
+
+
+@observable("particles", "1", integer=True)
+def particles(view: View) -> float:
+    """How many particles there are."""
+    return len(view)
 
 
 @observable("front_x", "m")

@@ -78,7 +78,7 @@ class Recorder:
         """
         step = view.step
         if self.trace_stride and step % self.trace_stride == 0:
-            self._trace.append((step, {name: self._row(view.numpy(name)) for name in TRACE_COLUMNS}))
+            self._trace.append((step, {name: self._row(view, name) for name in TRACE_COLUMNS}))
         if self.history_stride and step % self.history_stride == 0:
             if self._columns is None:
                 self._columns = self._chosen(view)
@@ -96,17 +96,27 @@ class Recorder:
         """As `record`, for a code that has the step as a frame, and `unwrapped` positions [m]."""
         self.record(View.of_frame(self.scene, step, frame, contacts, unwrapped))
 
-    def _row(self, values: np.ndarray) -> np.ndarray:
-        """Of all particles of the run; NaN for those that have not come yet."""
-        absent = len(self.scene.state) - len(values)
-        return np.pad(values, ((0, absent), (0, 0)), constant_values=np.nan) if absent else values
+    def _row(self, view: View, name: str) -> np.ndarray:
+        """Of all particles of the run; NaN for those that have not come yet, or have left."""
+        values = view.numpy(name)
+        if len(values) == len(self.scene.state):
+            return values
+        found = np.full((len(self.scene.state), 3), np.nan)
+        found[view.rows] = values
+        return found
 
     def _chosen(self, view: View) -> list[Observable]:
         names = self.scene.output.history
         if names is None:
             names = observables.DEFAULT if view.wall_work is None else (*observables.DEFAULT, "work")
-        loads = [o for wall in self.scene.output.wall_forces for o in observables.of_wall(wall)]
-        return [*(observables.get(name) for name in names), *loads]
+        return [*(observables.get(name) for name in names), *self._by_scene()]
+
+    def _by_scene(self) -> list[Observable]:
+        """Of walls and exits, which the scene names."""
+        walls, exits = self.scene.output.wall_forces, [stated.name for stated in self.scene.exits]
+        return [o for wall in walls for o in observables.of_wall(wall)] + [
+            o for name in exits for o in observables.of_exit(name)
+        ]
 
     def flush(self) -> None:
         """Wait until the last frame is on disk. Raises the error of its writing."""
@@ -138,7 +148,7 @@ class Recorder:
 
     def _take(self, saved: dict[str, np.ndarray]) -> None:
         if "history" in saved:
-            loads = {o.name: o for wall in self.scene.output.wall_forces for o in observables.of_wall(wall)}
+            loads = {o.name: o for o in self._by_scene()}
             names = map(str, saved["history.columns"])
             self._columns = [loads.get(name) or observables.get(name) for name in names]
             self._history = [tuple(row) for row in saved["history"].tolist()]

@@ -53,12 +53,15 @@ class View:
         wall_loads: Callable[[], dict[str, WallLoad]] = dict,
         servo_ways: Callable[[], dict[str, np.ndarray]] = dict,
         triangle_forces: Callable[[], dict[str, np.ndarray]] = dict,
+        rows: Callable[[], np.ndarray] | None = None,
+        removed: Callable[[], dict[str, tuple[int, float]]] = dict,
     ):
         """`column(name)` gives one of VECTORS; the other functions the properties of their names."""
         self.scene, self.step = scene, step
         self._column, self._contacts, self._wall_work = column, contacts, wall_work
         self._wall_loads, self._servo_ways = wall_loads, servo_ways
         self._triangle_forces = triangle_forces
+        self._rows, self._removed = rows, removed
         self._known: dict[Any, Any] = {}
 
     @classmethod
@@ -67,7 +70,7 @@ class View:
     ) -> View:
         """The view of a frame; `unwrapped` positions [m], by default those of the frame."""
         columns = {**frame, "unwrapped_position": frame["position"] if unwrapped is None else unwrapped}
-        return cls(scene, step, columns.__getitem__, lambda: contacts)
+        return cls(scene, step, columns.__getitem__, lambda: contacts, rows=lambda: frame["id"] - 1)
 
     @property
     def time(self) -> float:
@@ -75,7 +78,17 @@ class View:
         return self.step * self.scene.time.step
 
     def __len__(self) -> int:
-        return self.scene.count_at(self.step)
+        return len(self.rows) if self.scene.exits else self.scene.count_at(self.step)
+
+    @property
+    def rows(self) -> np.ndarray:
+        """The rows of the scene that are there, ascending: id - 1, shape (n,)."""
+        return self._once("rows", self._rows or (lambda: np.arange(self.scene.count_at(self.step))))
+
+    @property
+    def removed(self) -> dict[str, tuple[int, float]]:
+        """Number and mass [kg] of the particles that have left since the start, by name of the exit."""
+        return self._once("removed", self._removed)
 
     def __getattr__(self, name: str) -> Any:
         if name in VECTORS or name in SCALARS:
@@ -97,8 +110,8 @@ class View:
         return "position" if plain else name
 
     def _scalar(self, name: str) -> np.ndarray:
-        n = len(self)
-        mass, radius = self.scene.masses[:n], self.scene.state.radius[:n]
+        rows = self.rows if self.scene.exits else slice(len(self))
+        mass, radius = self.scene.masses[rows], self.scene.state.radius[rows]
         if name != "inertia":
             return mass if name == "mass" else radius
         return 0.4 * mass * radius**2  # mutate: moments_of_inertia
@@ -137,12 +150,12 @@ class View:
 
     def frame(self) -> Frame:
         """All columns of a frame, as NumPy arrays."""
-        state, n = self.scene.state, len(self)
+        state, rows = self.scene.state, self.rows
         return {
-            "id": np.arange(1, n + 1, dtype=np.int64),
-            "material": state.material[:n].astype(np.int32),
+            "id": (rows + 1).astype(np.int64),
+            "material": state.material[rows].astype(np.int32),
             **{name: self.numpy(name) for name in ("position", "velocity", "angular_velocity")},
-            "radius": state.radius[:n],
+            "radius": state.radius[rows],
             **{name: self.numpy(name) for name in ("force", "torque")},
         }
 
@@ -152,9 +165,8 @@ class View:
             bad = ~np.isfinite(self.numpy(name)).all(axis=1)
             if bad.any():
                 at = f"t = {self.time:.9g} s (step {self.step})"
-                raise SimulationError(
-                    f"particle {int(np.argmax(bad)) + 1} has a {name} that is not a number (NaN) at {at}"
-                )
+                particle = int(self.rows[np.argmax(bad)]) + 1
+                raise SimulationError(f"particle {particle} has a {name} that is not a number (NaN) at {at}")
 
     # -- reductions ----------------------------------------------------------------------------------------
 
@@ -220,10 +232,13 @@ class DeviceView(View):
         wall_loads: Callable[[], dict[str, WallLoad]] = dict,
         servo_ways: Callable[[], dict[str, np.ndarray]] = dict,
         triangle_forces: Callable[[], dict[str, np.ndarray]] = dict,
+        rows: Callable[[], np.ndarray] | None = None,
+        removed: Callable[[], dict[str, tuple[int, float]]] = dict,
     ):
         """`read(name)` gives a Warp array of three-component vectors; `scalars` lasts from view to view."""
         super().__init__(scene, step, lambda name: self.column(name).numpy().astype(np.float64, copy=False),
-                         contacts, wall_work, wall_loads, servo_ways, triangle_forces)  # fmt: skip
+                         contacts, wall_work, wall_loads, servo_ways, triangle_forces, rows,
+                         removed)  # fmt: skip
         self._read, self._scalars = read, scalars
 
     def column(self, name: str) -> Any:
@@ -231,6 +246,9 @@ class DeviceView(View):
         name = self._same(name)
         if name in VECTORS:
             return self._once(("device", name), lambda: self._read(name))
+        if self.scene.exits and not np.array_equal(self._scalars.get("rows", ()), self.rows):
+            self._scalars.clear()
+            self._scalars["rows"] = self.rows
         if name not in self._scalars or len(self._scalars[name]) != len(self):
             import warp as wp
 

@@ -20,7 +20,8 @@ from gpudem.scene.sections import (
     Solver,
     Time,
 )
-from gpudem.scene.walls import Box, Plane, Side, Vibration, WallContact
+from gpudem.scene.types import Side
+from gpudem.scene.walls import Box, Plane, Vibration, WallContact
 
 __all__ = [
     "Box",

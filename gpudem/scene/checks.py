@@ -14,7 +14,7 @@ import numpy as np
 from gpudem.contact import registry
 from gpudem.contact.law import AdhesiveLaw, RollingLaw
 from gpudem.errors import GpudemError
-from gpudem.scene import groups, law_parameters, wall_checks
+from gpudem.scene import groups, law_parameters, removal, wall_checks
 from gpudem.scene.overlaps import MAX_START_OVERLAP, find_overlaps, lattice_within
 from gpudem.scene.scene_warnings import rounded_times, unexpected, without_effect
 from gpudem.scene.sections import MAX_PARTICLES
@@ -62,6 +62,8 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
     domain = run_check(_domain, "domain")
     walls = walls and run_check(wall_checks.meshes, "walls")
     walls = walls and domain and run_check(wall_checks.statements, "walls", "domain")
+    if walls:
+        run_check(removal.problems, "walls", "domain")
     units = run_check(_material_units, "materials", "allow")
     units = run_check(_gravity_units, "gravity", "allow") and units
     run_check(_pair_units, "pairs", "allow")

@@ -23,13 +23,14 @@ from gpudem.contact import registry
 from gpudem.contact.law import Law, NormalLaw, PairInputs
 from gpudem.contact.names import LawNames
 from gpudem.errors import SceneError
-from gpudem.scene import checks, files, groups, insertion, laws, overlaps, time_step
+from gpudem.scene import checks, files, groups, insertion, laws, overlaps, removal, time_step
 from gpudem.scene.groups import Group
 from gpudem.scene.insertion import Inserted, InsertList
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.motion import Servo
 from gpudem.scene.packing import InitialState, lattice
 from gpudem.scene.particle_files import ParticleFile, read_particles
+from gpudem.scene.removal import Exit
 from gpudem.scene.sections import (
     LATER_OF_CONTACT,
     OF_MESHES,
@@ -208,6 +209,8 @@ class Scene(Model):
         """SHA-256 of the physics: all but name and title; of files the content, not the path."""
         data, digest = self.model_dump(exclude={"name", "title", "walls"}), hashlib.sha256()
         data["walls"] = [_stated(wall, digest) for wall in self.walls]
+        if not self.domain.sides:
+            del data["domain"]["sides"]
         for key in ("wall_forces", "wall_stress"):
             if not data["output"][key]:
                 del data["output"][key]
@@ -279,14 +282,19 @@ class Scene(Model):
             steps[len(steps) - len(self.inserted.step) :] = self.inserted.step
         return steps
 
+    @functools.cached_property
+    def exits(self) -> list[Exit]:
+        """Where particles leave."""
+        return removal.exits(self)
+
     def count_at(self, step: int) -> int:
-        """How many particles there are in a step: those of `state` with smaller rows."""
+        """How many particles have come by a step: those of `state` with smaller rows; some may have left."""
         return (
             int(np.searchsorted(self.arrival_steps, step, side="right")) if self.insert else len(self.state)
         )
 
     def mean_count(self, steps: int) -> int:
-        """How many particles there are on average over the first so many steps of the run."""
+        """How many particles have come on average over the first so many steps of the run."""
         if not steps:
             return self.start_count
         return round(float(np.clip(steps + 1 - self.arrival_steps, 0, steps).sum()) / steps)

@@ -330,7 +330,7 @@ def unexpected(scene: Scene) -> list[str]:
     moved = needs.gravity or needs.vibration or state.velocity.any() or state.angular_velocity.any()
     if not moved and not {"overlap", "large_overlap"} & set(scene.allow):
         found.append("no gravity and no start velocity: nothing moves unless particles overlap")
-    if needs.gravity and not scene.walls and not needs.periodic:
+    if needs.gravity and not scene.walls and not needs.periodic and not scene.exits:
         found.append("gravity and no wall: particles leave the domain, which ends the run")
     triangles = sum(len(mesh.corners) for mesh in scene.meshes)
     if triangles * TRIANGLE_BYTES > MANY_BYTES:

@@ -27,6 +27,7 @@ from gpudem.scene.types import (
     Flags,
     Model,
     Name,
+    Side,
     Vector,
     array,
     as_python,
@@ -222,7 +223,7 @@ class Lattice(Model):
 
 
 class Domain(Model):
-    """Where particles may be: one that leaves lo..hi is an error, except through periodic sides."""
+    """Where particles may be: one that leaves lo..hi is an error, except through periodic or open sides."""
 
     lo: Annotated[Vector, vector("m")]
     """Lower corner [m]."""
@@ -230,6 +231,9 @@ class Domain(Model):
     """Upper corner [m]."""
     periodic: Flags = (False, False, False)
     """Whether the sides across x, y and z are periodic."""
+    sides: dict[Side, Literal["outflow"]] = Field(default_factory=dict)
+    """Open sides, of `xlo`, `xhi`, `ylo`, `yhi`, `zlo`, `zhi`: at the first rebuild of the neighbor list that
+    finds its center beyond one, a particle leaves the run; it is counted in the history."""
 
 
 class Time(Model):

@@ -12,7 +12,7 @@ import dataclasses
 import math
 import numbers
 import re
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, StrictBool, ValidationError
@@ -34,6 +34,9 @@ _TOO_LARGE = "too large for the arithmetic; allowed: <= {:g} [{}]"
 _TOO_SMALL = "too small for the arithmetic; allowed: >= {:g} [{}]"
 
 Vector = tuple[float, float, float]
+
+#: Sides of a box across x, y and z, at its lower and at its upper end.
+Side = Literal["xlo", "xhi", "ylo", "yhi", "zlo", "zhi"]
 
 
 class Model(BaseModel):

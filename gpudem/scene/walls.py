@@ -9,9 +9,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
 from gpudem.scene.motion import Motion, Turn, largest_speed
-from gpudem.scene.types import Model, Name, Vector, law_name, number, positive, span, vector
-
-Side = Literal["xlo", "xhi", "ylo", "yhi", "zlo", "zhi"]
+from gpudem.scene.types import Model, Name, Side, Vector, law_name, number, positive, span, vector
 
 #: Components of a unit normal up to this size are rounding, and count as zero: cos, sin and products of a few
 #: rotation matrices leave some 1e-16, and a tilt of 1e-12 moves a plane by a nanometre at a kilometre.

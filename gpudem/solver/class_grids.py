@@ -21,6 +21,7 @@ import warp as wp
 
 from gpudem.contact.types import WIDE
 from gpudem.scene import Scene
+from gpudem.scene.removal import search_box
 from gpudem.scene.size_classes import class_radii
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import structs
@@ -56,7 +57,7 @@ def class_grids(scene: Scene, axes: list[int], block: int, precision: str) -> tu
 
     At most eight cells a particle of the class (and 4096).
     """
-    lo, hi = np.array(scene.domain.lo)[axes], np.array(scene.domain.hi)[axes]
+    lo, hi = (corner[axes] for corner in search_box(scene))
     size = hi - lo
     radius = np.sort(scene.state.radius)
     tops = class_radii(radius, scene.skin + scene.contact_range)

@@ -75,11 +75,11 @@ def energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]
     fall by one diameter. Particles that overlap at the start release elastic energy: a growth within that has
     its own cause, and another sentence. Scenes with walls that move or that come in the run, which do work,
     and those that waive the check of start overlaps, or with cohesion or adhesion, whose energy is not in the
-    history, are left out.
+    history, or with open sides, through which energy leaves, are left out.
     """
     driven = scene.needs.vibration or any(wall.begin > 0 for wall in scene.wall_elements)
     attracted = scene.needs.cohesion or scene.contact_range > 0
-    closed = scene.needs.damping and not driven and not attracted and "overlap" not in scene.allow
+    closed = scene.needs.damping and not (driven or attracted or scene.exits) and "overlap" not in scene.allow
     if history is None or not closed or len(history) < 2:
         return []
     energy = history[["kinetic_energy", "rotational_energy", "potential_energy"]].to_numpy().sum(axis=1)

@@ -214,8 +214,10 @@ def cell_starts(
 def check_rebuild(
     # in
     n: wp.int32,
+    present: wp.int32,
     capacity: wp.int32,
     start: wp.array[wp.int32],
+    staying: wp.array[wp.int32],
     status: wp.array[wp.int64],
     # out
     list_fits: wp.array[wp.int32],
@@ -227,6 +229,8 @@ def check_rebuild(
         if status[k] != wp.int64(NO_REPORT):
             reports += 1
     list_fits[0] = 0
+    if staying[0] < present:  # the host lets particles go
+        reports += 1
     if reports == 0 and start[n] <= capacity:  # mutate: list_fits
         list_fits[0] = 1
         graph_rebuilds[0] = graph_rebuilds[0] + 1

@@ -11,6 +11,7 @@ import warp as wp
 
 from gpudem.errors import SimulationError
 from gpudem.scene import Scene
+from gpudem.scene.removal import search_box
 from gpudem.scene.size_classes import class_radii
 from gpudem.solver import guards
 from gpudem.solver.class_grids import class_grids, grid_struct
@@ -23,6 +24,7 @@ from gpudem.solver.neighbor_kernels import (
     fill_kernel,
     gather_kernel,
 )
+from gpudem.solver.removal import exit_array, exit_kernel
 from gpudem.solver.reports import (
     DEEP_IN_WALL,
     LOST,
@@ -44,7 +46,8 @@ def cell_grid(scene: Scene) -> tuple[tuple[int, int, int], np.ndarray]:
     Where radii are of several size classes: of particles of mean radius, for an estimate. At most eight cells
     a particle (and 4096), so that a large, nearly empty domain costs no memory.
     """
-    size = np.array(scene.domain.hi) - np.array(scene.domain.lo)
+    lo, hi = search_box(scene)
+    size = hi - lo
     radius = scene.state.radius
     margin = scene.skin + scene.contact_range
     reach = radius.max() if len(class_radii(radius, margin)) == 1 else radius.mean()
@@ -125,8 +128,8 @@ class NeighborList:
         self.scratch = t.Particles()
         self.scratch.x_at_rebuild = state.particles.x_at_rebuild  # rebuilding writes it anew
         for name in self._permuted_arrays:
-            # mutate: waiting_particles
-            setattr(self.scratch, name, wp.clone(getattr(state.particles, name)))
+            setattr(self.scratch, name, wp.zeros_like(getattr(state.particles, name)))
+        self.exits = exit_array(scene, spec, device)
         self.kernels = {
             "cells": cell_kernel(spec),
             "gather": gather_kernel(spec),
@@ -137,6 +140,10 @@ class NeighborList:
             "group_sums": group_sums,
             "group_starts": group_starts,
         }
+        if self.exits is not None:
+            self.kernels["leave"] = exit_kernel(spec)
+        self.on_leave: Callable[[np.ndarray, np.ndarray], None] = lambda rows, exits: None
+        """Called with the rows of the scene and the exits of particles that leave."""
         self._launches: dict[tuple[str, int], Callable[[], None]] = {}
         self.on_reallocate: Callable[[], None] = lambda: None
         self.when: Callable[[], str] = lambda: ""
@@ -239,7 +246,11 @@ class NeighborList:
         wp.copy(self.state.next, self.state.now)  # mutate: copy_before_swap
         self.state.swap()
         wp.launch(
-            check_rebuild, 1, inputs=[self.state.n, self.capacity, self.start, self.status],
+            check_rebuild, 1,
+            inputs=[
+                self.state.n, self.state.present, self.capacity,
+                self.start, self._first_to_leave, self.status,
+            ],
             outputs=[self.list_fits, self.graph_rebuilds], device=self.state.device,
         )  # fmt: skip
         wp.capture_if(self.list_fits, on_true=self._fill, launch=launch)
@@ -254,6 +265,8 @@ class NeighborList:
         Raises SimulationError for what was reported.
         """
         self._check()
+        if self.exits is not None:
+            self._let_go()
         total = int(self.start[self.state.n : self.state.n + 1].numpy()[0])
         if total > self.capacity:
             self._allocate(int(1.2 * total))
@@ -261,12 +274,30 @@ class NeighborList:
         self.graph_rebuilds[1:].zero_()
         self._host_rebuilds += 1
 
+    @property
+    def _first_to_leave(self) -> Any:
+        """Place of the first sorted particle without a cell: the number of those that stay, shape (1,)."""
+        return self.cell_start[self.cells : self.cells + 1]
+
+    def _let_go(self) -> None:
+        """Particles without a cell, the last in the sorted order, leave the run."""
+        state, staying = self.state, int(self._first_to_leave.numpy()[0])
+        if staying < state.present:
+            rows = state.particles.id[staying : state.present].numpy()
+            exits = self.key[staying : state.present].numpy() - self.cells
+            self.count[staying:].zero_()
+            self.on_leave(rows, exits)
+
     def _search(self) -> None:
         """Cells, order, particle arrays in that order, entries counted, places in the list."""
         state, p = self.state, self.state.particles
         self._run("cells")
+        last = self.cells
+        if self.exits is not None:
+            self._run("leave")
+            last += len(self.exits) - 1
         if state.present:
-            bits = max(1, self.cells.bit_length())
+            bits = max(1, last.bit_length())
             wp.utils.radix_sort_pairs(self.key, self.order, state.present, end_bit=bits)
         wp.launch(
             cell_starts,
@@ -301,6 +332,7 @@ class NeighborList:
             lists = [self.neighbor, self.spring, self.rolling_torque, self.rise]
             inputs, outputs = {
                 "cells": ([self.grids], [p, now, self.key, self.order, self.status]),
+                "leave": ([self.cells, self.exits, now], [self.key]),
                 "gather": ([self.order, now, p], [state.next, self.scratch]),
                 "count": ([p, walls, *cells], [self.count, self.neighbor_count, self.cache, self.status]),
                 "fill": (

@@ -23,11 +23,13 @@ from gpudem.errors import SimulationError
 from gpudem.output.view import WallLoad
 from gpudem.output.vtu import Frame
 from gpudem.scene import Scene
+from gpudem.scene.removal import search_box
 from gpudem.scene.walls import Wall
 from gpudem.solver import guards
 from gpudem.solver.device import compile_kernels, find_device
 from gpudem.solver.mesh_tables import MeshTables
 from gpudem.solver.neighbor_list import NeighborList, block_size, cell_grid, layers_of_cells
+from gpudem.solver.removal import Departures
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import State
 from gpudem.solver.step_kernel import SETUP, WRITE, laws_struct, step_kernel
@@ -83,6 +85,8 @@ class Solver:
         self.neighbors = NeighborList(scene, self.state, self.params, self.pool)
         self.neighbors.on_reallocate = self._invalidate_launches
         self.neighbors.when = self._next_step_in_words
+        self.neighbors.on_leave = self._let_go
+        self.departures = Departures(scene)
         self.kernel = step_kernel(self.spec)
         self._launches: dict[tuple[int, int, int], Callable[[], None]] = {}
         self._graphs: dict[tuple[int, int], Any] = {}
@@ -108,7 +112,7 @@ class Solver:
         p = t.Params()
         cells, rate = cell_grid(scene)
         p.dt, p.dt_wide, p.gravity = scene.time.step, scene.time.step, t.vec3(*scene.gravity)
-        lo, hi = np.array(scene.domain.lo), np.array(scene.domain.hi)
+        lo, hi = search_box(scene)
         p.lo, p.hi, p.size = t.wide3(*lo), t.wide3(*hi), t.wide3(*(hi - lo))
         p.cells, p.inv_cell_size = wp.vec3i(*cells), t.wide3(*rate)
         p.is_periodic = wp.vec3i(*[int(side) for side in scene.domain.periodic])
@@ -290,11 +294,16 @@ class Solver:
 
     def _insert(self, step: int) -> None:
         """Puts the particles that come in a step behind those that are there, before its forces."""
-        first, end = self.state.present, self.scene.count_at(step)
+        first, end = self.state.present + len(self.departures), self.scene.count_at(step)
         if end > first:
             self.state.insert(self.scene, first, end)
-            self._set_present(end)
+            self._set_present(self.state.present + end - first)
             self._needs_rebuild = True  # mutate: rebuild_at_insertion
+
+    def _let_go(self, rows: np.ndarray, exits: np.ndarray) -> None:
+        """The last particles of the sorted order leave, before the forces of the step to come."""
+        self.departures.record(rows, exits, self.step_count + 1)
+        self._set_present(self.state.present - len(rows))
 
     def _set_present(self, count: int) -> None:
         """So many particles are there from now on; a rebuild must follow."""
@@ -419,6 +428,8 @@ class Solver:
         if self._motion.servos:
             stored["servo"] = np.array([[*s.state, *s.listed] for s in self._motion.servos.values()])
         stored["counts"] = np.array([*done, self.spec.half_list, *order], np.int64)
+        if self.scene.exits:
+            stored |= {"left_step": self.departures.step, "left_exit": self.departures.exit}
         if self._motion:
             stored["list_step"] = np.array(self._motion.list_step, np.int64)
         return stored
@@ -430,12 +441,16 @@ class Solver:
         """
         state, counts = self.state, [int(v) for v in saved["counts"]]
         extra = ["list_step"] * bool(self._motion) + ["servo"] * bool(self._motion.servos)
+        extra += ["left_step", "left_exit"] * bool(self.scene.exits)
         names = {"now", "counts", *self._stored_arrays(), *extra}
         same = names == set(saved) and state.now.numpy().dtype == saved["now"].dtype
         if not same or counts[3] != self.spec.half_list:
             raise SimulationError("the saved state is of another scene, precision or kind of device")
         self.params.block, self.params.axes = counts[4], wp.vec3i(*counts[5:])  # mutate: restart_order
-        self._set_present(self.scene.count_at(counts[0]))  # mutate: present_at_restart
+        if self.scene.exits:
+            self.departures.step[:], self.departures.exit[:] = saved["left_step"], saved["left_exit"]
+        # mutate: present_at_restart
+        self._set_present(self.scene.count_at(counts[0]) - len(self.departures))
         state.now.assign(saved["now"])
         self.neighbors.reserve(len(saved["neighbor"]))
         for name in self._stored_arrays():
@@ -475,14 +490,14 @@ class Solver:
         """
         state, host, output = self.state, self.state.host, self.state.output
         n = state.present
-        row = host(state.particles.id)[:n]
+        row = self._row_of_place()
         if name in ("angular_velocity", "torque") and not self.spec.rotation:
             return np.zeros((n, 3))
         found, values = np.empty((n, 3)), {"unwrapped_position": "position"}.get(name, name)
         array = host(self._written)["position"] if values == "position" else host(getattr(output, name))
         found[row] = array[:n]  # mutate: rows_by_id
         if values in ("position", "velocity") and not np.isfinite(found).all():
-            i = int(np.argwhere(~np.isfinite(found))[0][0])
+            i = int(self.rows()[np.argwhere(~np.isfinite(found))[0][0]])
             at = f"t = {self.step_count * self.scene.time.step:.9g} s (step {self.step_count})"
             raise SimulationError(f"particle {i + 1} has a {values} that is not a number (NaN) at {at}")
         if name == "unwrapped_position" and any(self.scene.domain.periodic):
@@ -491,14 +506,26 @@ class Solver:
             found += image * (np.array(self.scene.domain.hi) - np.array(self.scene.domain.lo))
         return self._inside(found) if name == "position" else found
 
+    def rows(self) -> np.ndarray:
+        """The rows of the scene that are there, ascending: id - 1, shape (n,)."""
+        return np.flatnonzero(self.departures.exit[: self.state.present + len(self.departures)] < 0)
+
+    def _row_of_place(self) -> np.ndarray:
+        """The row in a table in order of id of each particle in sorted order, shape (n,)."""
+        state = self.state
+        row = state.host(state.particles.id)[: state.present]
+        if len(self.departures):
+            row = self.departures.rank[row]
+        return row
+
     def frame(self) -> Frame:
         """The written step as a table in order of id, float64. Raises SimulationError for NaN in it."""
-        n = self.state.present
+        rows = self.rows()
         return {
-            "id": np.arange(1, n + 1, dtype=np.int64),
-            "material": self.scene.state.material[:n].astype(np.int32),
+            "id": rows + 1,
+            "material": self.scene.state.material[rows].astype(np.int32),
             **{name: self.column(name) for name in ("position", "velocity", "angular_velocity")},
-            "radius": self.scene.state.radius[:n],
+            "radius": self.scene.state.radius[rows],
             **{name: self.column(name) for name in ("force", "torque")},
         }
 
@@ -514,7 +541,7 @@ class Solver:
 
     def contact_count(self) -> int:
         """Contacts in the written step, between particles and with walls."""
-        return int(self.state.host(self.state.output.contacts).sum()) // 2
+        return int(self.state.host(self.state.output.contacts)[: self.state.present].sum()) // 2
 
     def wall_work(self) -> float | None:
         """Work of moving planes since the start [J]; None where no plane moves.

@@ -1,9 +1,9 @@
 # pyright: reportInvalidTypeForm=false
 """The device arrays of one run, with unit and shape for each; an array that the scene does not need is None.
 
-n particles in sorted (cell) order, m walls. Where particles are inserted, n is their number at the end: the
-first `present` places hold those that are there, the others wait behind them in order of id. Arrays that are
-None are null on the device: no kernel built for this scene touches them.
+n particles in sorted (cell) order, m walls. n counts all particles of the run: the first `present` places
+hold those that are there, the places behind them mean nothing. Arrays that are None are null on the device:
+no kernel built for this scene touches them.
 """
 
 import functools
@@ -156,6 +156,7 @@ class State:
         self.spec, self.device, self.n = spec, device, len(scene.state)
         self.present = scene.start_count
         self.walls = len(scene.wall_elements)
+        self._stated = self._properties(scene)
         self.now = wp.array(self._bodies(scene, 0, self.n), dtype=body_struct(spec), device=device)
         self.next = wp.zeros_like(self.now)
         self.particles = self._particles(scene, chunk, t)
@@ -178,18 +179,9 @@ class State:
             return wp.zeros(count, dtype=dtype, device=device) if need else None
 
         p = t.Particles()
-        p.id = wp.array(np.arange(n, dtype=np.int32), device=device)
-        if spec.polydisperse:
-            p.radius = wp.array(scene.state.radius, dtype=t.wide, device=device)
-        if spec.per_particle_mass:
-            p.mass = wp.array(scene.masses, dtype=t.real, device=device)
-        if spec.multi_material:
-            index = {scene.material_index[name]: k for k, name in enumerate(scene.particle_materials)}
-            material = np.array([index[m] for m in scene.state.material.tolist()], np.int32)
-            p.material = wp.array(material, device=device)
-        if spec.held:
-            p.held = wp.array(scene.held, dtype=wp.int32, device=device)
-        p.image = zeros(n, wp.vec3i, any(spec.periodic))
+        for name, values in self._stated.items():
+            dtype = {"image": wp.vec3i, "radius": t.wide, "mass": t.real}.get(name, wp.int32)
+            setattr(p, name, wp.array(values, dtype=dtype, device=device))
         p.x_at_rebuild = zeros(n, t.wide3)
         p.start = zeros(n + 1, wp.int32)
         p.wall_start = zeros(n, wp.int32, spec.has_walls)
@@ -201,12 +193,32 @@ class State:
         return p
 
     def insert(self, scene: Scene, first: int, end: int) -> None:
-        """Writes the particles of these rows of the scene where they wait; what else they have is there."""
+        """Writes the particles of these rows of the scene behind those that are there."""
+        place = slice(self.present, self.present + end - first)
+        for name, values in self._stated.items():
+            getattr(self.particles, name)[place].assign(values[first:end])
         bodies = self._bodies(scene, first, end)
         for name in ("velocity", "angular_velocity"):
             if f"{name}_ahead" in (bodies.dtype.names or ()):
                 bodies[f"{name}_ahead"] = bodies[name]  # mutate: inserted_velocity_ahead
-        self.now[first:end].assign(bodies)
+        self.now[place].assign(bodies)
+
+    def _properties(self, scene: Scene) -> dict[str, np.ndarray]:
+        """What a particle has beside its body, in order of the rows of the scene."""
+        spec, t = self.spec, self.types
+        found: dict[str, np.ndarray] = {"id": np.arange(self.n, dtype=np.int32)}
+        if spec.polydisperse:
+            found["radius"] = scene.state.radius.astype(wp.dtype_to_numpy(t.wide))
+        if spec.per_particle_mass:
+            found["mass"] = scene.masses.astype(wp.dtype_to_numpy(t.real))
+        if spec.multi_material:
+            index = {scene.material_index[name]: k for k, name in enumerate(scene.particle_materials)}
+            found["material"] = np.array([index[m] for m in scene.state.material.tolist()], np.int32)
+        if spec.held:
+            found["held"] = scene.held.astype(np.int32)
+        if any(spec.periodic):
+            found["image"] = np.zeros((self.n, 3), np.int32)
+        return found
 
     def allocate_output(self) -> None:
         """The arrays that output needs, on first use."""

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from gpudem.scene import Scene
+from gpudem.scene.removal import search_box
 from gpudem.scene.walls import Wall
 from gpudem.walls.motion import BLOCK, ServoPath, WallPath
 
@@ -42,7 +43,7 @@ class WallMotion:
         """The step for whose places the list was made."""
         self._present = set(self.paths)
         self._reached, self._beyond = 0, False
-        self._corners = np.array(scene.domain.lo), np.array(scene.domain.hi)
+        self._corners = search_box(scene)
         self._at_list: dict[int, np.ndarray] = {}
         self._known_marks: dict[tuple[int, int], np.ndarray] = {}
         self._limit = scene.skin / 2  # mutate: share_of_skin

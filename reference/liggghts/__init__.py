@@ -60,7 +60,7 @@ def run(
         history, left_out = observables.select(history, wall_loads.chosen(scene), "LIGGGHTS")
     dump.frames(scene, directory)
     timing = Timing(
-        particles=scene.mean_count(scene.n_steps), steps=scene.n_steps,
+        particles=dump.mean_count(scene, console.blocks), steps=scene.n_steps,
         stepping_s=max(0.0, outcome.loop_s - console.output_s),
         setup_s=outcome.wall_s - outcome.loop_s, output_s=console.output_s, cores=ranks,
         peak_memory_bytes=outcome.peak_memory_bytes,

@@ -16,7 +16,7 @@ from typing import Any
 
 from gpudem.extras import from_extra
 from gpudem.scene import Scene
-from reference.liggghts import groups, insertion, limits, wall_loads, walls
+from reference.liggghts import groups, insertion, limits, removal, wall_loads, walls
 from reference.liggghts.contact_model import model, properties, switches
 from reference.liggghts.decomposition import processors
 
@@ -61,6 +61,8 @@ class Deck:
     segments: tuple[Segment, ...]
     meshes: dict[str, str] = dataclasses.field(default_factory=dict)
     """Name and text of the file of each mesh (STL), 17 digits."""
+    may_lose: bool = False
+    """Particles may leave."""
 
     @functools.cached_property
     def hash(self) -> str:
@@ -91,6 +93,7 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "primitives": walls.primitives(scene), "changes": walls.changes(scene),
         **_of_meshes(scene, segments[0]),
         "boundary": " ".join("p" if p else "f" for p in scene.domain.periodic),
+        "beyond": removal.beyond(scene), "checked_every": removal.checked_every(thermo_stride(scene)),
         "soft": any(m.young < SOFT for m in scene.materials.values()),
         "properties": properties(scene), "model": model(scene), "switches": switches(scene),
         "processors": processors(scene, ranks) if ranks > 1 else None,
@@ -98,7 +101,7 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "thermo_stride": thermo_stride(scene), "frame_stride": scene.frame_stride,
         "trace_stride": scene.stride(scene.output.trace_every),
         "data_file": DATA if scene.start_count else None, "raw": RAW, "trace_file": TRACE,
-        "box": [side for sides in box(scene) for side in sides],
+        "box": [side for sides in removal.box(scene) for side in sides],
         "inserted_kinds": insertion.kinds(scene), "inserted": insertion.balls(scene),
         "insertion_seeds": insertion.SEEDS,
         "groups": groups.groups(scene), "mobile": "mobile" if scene.needs.held else "all",
@@ -131,7 +134,7 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
     }
     text = [_environment().get_template(f"{s}.j2").render(facts) for s in sections if present.get(s, True)]
     files = {walls.mesh_file(mesh.name): walls.stl(mesh) for mesh in scene.meshes}
-    return Deck("".join(text), data(scene), segments, files)
+    return Deck("".join(text), data(scene), segments, files, bool(scene.exits))
 
 
 def _of_meshes(scene: Scene, first: Segment) -> dict[str, Any]:
@@ -162,6 +165,7 @@ def history_columns(scene: Scene) -> list[str]:
     columns += ["rotational_energy"] if scene.needs.rotation else []
     columns += [f"touch_{name}" for name in walls.primitives(scene)]
     columns += ["mesh_contacts"] if walls.same_meshes(scene) else []
+    columns += removal.columns(scene)
     return columns + [word for load in wall_loads.loads(scene) for word in load.columns]
 
 
@@ -174,25 +178,14 @@ def thermo_stride(scene: Scene) -> int:
     return max(d for d in range(1, min(stride, wanted) + 1) if stride % d == 0)
 
 
-def box(scene: Scene) -> list[tuple[float, float]]:
-    """(lo, hi) [m] of the simulation box along x, y, z: the domain where periodic, else a tenth of a radius
-    larger.
-
-    LIGGGHTS takes an atom on the upper face of a fixed box for one outside; the margin keeps it in.
-    """
-    margin = 0.1 * float(scene.state.radius.max())
-    return [
-        (lo, hi) if periodic else (lo - margin, hi + margin)
-        for lo, hi, periodic in zip(scene.domain.lo, scene.domain.hi, scene.domain.periodic, strict=True)
-    ]
-
-
 def data(scene: Scene) -> str:
     """The read_data file: box, `id type diameter density x y z`, `id vx vy vz wx wy wz`; SI units."""
     s = scene.particles_at_start
     density = [scene.materials[name].density for name in scene.material_index]
     lines = ["gpudem particles", "", f"{len(s)} atoms", f"{len(scene.materials)} atom types", ""]
-    lines += [f"{lo:.17g} {hi:.17g} {a}lo {a}hi" for (lo, hi), a in zip(box(scene), "xyz", strict=True)]
+    lines += [
+        f"{lo:.17g} {hi:.17g} {a}lo {a}hi" for (lo, hi), a in zip(removal.box(scene), "xyz", strict=True)
+    ]
     lines += ["", "Atoms", ""]
     columns = zip(s.material.tolist(), s.radius.tolist(), s.position.tolist(), strict=True)
     lines += [

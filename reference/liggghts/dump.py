@@ -13,7 +13,7 @@ from gpudem.output.frames import FrameWriter
 from gpudem.output.run import HISTORY_COLUMNS, TRACE_COLUMNS
 from gpudem.output.vtu import Frame, FrameError, read_vtu
 from gpudem.scene import Scene
-from reference.liggghts import wall_loads
+from reference.liggghts import removal, wall_loads
 from reference.liggghts.deck import RAW, history_columns
 from reference.liggghts.errors import LiggghtsOutputError
 
@@ -59,18 +59,25 @@ def frame(scene: Scene, path: Path, step: int) -> Frame:
     if scene.needs.held:
         for column in ("force", "torque"):
             table[column] = table[column] + raw[f"f_frozen_{column}[1-3]"]  # mutate: force_on_frozen_in_frame
-    ids = np.arange(1, scene.count_at(step) + 1)
-    if not np.array_equal(table["id"], ids):
-        raise LiggghtsOutputError(
-            f"{path}: step {step}: {len(table['id'])} particles, not ids 1 to {len(ids)} in order"
-        )
+    ids = table["id"].astype(np.int64)
+    if wrong := _wrong_ids(scene, ids, step):
+        raise LiggghtsOutputError(f"{path}: step {step}: {len(ids)} particles, {wrong}")
     broken = [name for name, column in table.items() if not np.isfinite(column).all()]
     if broken:
         raise LiggghtsOutputError(f"{path}: step {step}: {', '.join(broken)} not finite")
-    table["id"] = ids.astype(np.int64)
+    table["id"] = ids
     table["material"] = table["material"].astype(np.int32) - 1
     table["position"] = wrap(scene, table["position"])
     return table
+
+
+def _wrong_ids(scene: Scene, ids: np.ndarray, step: int) -> str:
+    """What is wrong with the ids of a step, as a list in order; "" if nothing is."""
+    come = scene.count_at(step)
+    if not scene.exits:
+        return "" if np.array_equal(ids, np.arange(1, come + 1)) else f"not ids 1 to {come} in order"
+    inside = len(ids) == 0 or (ids[0] >= 1 and ids[-1] <= come)
+    return "" if inside and (np.diff(ids) > 0).all() else f"not some of the ids 1 to {come} in order"
 
 
 def wrap(scene: Scene, position: np.ndarray) -> np.ndarray:
@@ -87,7 +94,7 @@ def wrap(scene: Scene, position: np.ndarray) -> np.ndarray:
 
 def trace(scene: Scene, path: Path) -> dict[str, np.ndarray]:
     """The binary dump of every trace interval: step (t,), time (t,), TRACE_COLUMNS, each (t, n, 3), in id
-    order; NaN before a particle has come.
+    order; NaN before a particle has come, and after it has left.
 
     Raises LiggghtsOutputError naming file and step where it is missing, truncated or corrupted.
     """
@@ -99,8 +106,10 @@ def trace(scene: Scene, path: Path) -> dict[str, np.ndarray]:
     values = np.full((len(steps), n, TRACE_WIDTH + 6 * scene.needs.held), np.nan)
     for k, step in enumerate(steps):
         try:
-            present = scene.count_at(int(step))
-            values[k, :present], at = _snapshot(content, at, int(step), present, values.shape[2])
+            table, at = _snapshot(content, at, int(step), len(scene.state), values.shape[2])
+            if wrong := _wrong_ids(scene, table[:, 0].astype(np.int64), int(step)):
+                raise ValueError(wrong)
+            values[k, table[:, 0].astype(np.int64) - 1] = table
         except (ValueError, struct.error) as error:
             raise LiggghtsOutputError(f"{path}: truncated or corrupted at step {step}: {error}") from None
     if at != len(content):
@@ -113,13 +122,14 @@ def trace(scene: Scene, path: Path) -> dict[str, np.ndarray]:
 
 
 def _snapshot(content: bytes, at: int, step: int, n: int, wanted: int) -> tuple[np.ndarray, int]:
-    """One step of a LIGGGHTS binary dump from byte `at`: table (n, wanted), and where the next begins.
+    """One step of a LIGGGHTS binary dump from byte `at`: table of at most n rows, `wanted` columns, and where
+    the next begins.
 
     Header: step, particles (int64), triclinic and six boundary flags (int32), box (6 float64), columns,
     chunks (int32); then a chunk per rank: its length (int32) and numbers (float64).
     """
     found_step, particles, *_, width, chunks = SNAPSHOT.unpack_from(content, at)
-    if (found_step, particles, width) != (step, n, wanted):
+    if (found_step, width) != (step, wanted) or not 0 <= particles <= n:
         raise ValueError(f"found step {found_step} with {particles} particles and {width} columns")
     at += SNAPSHOT.size
     parts = []
@@ -129,9 +139,7 @@ def _snapshot(content: bytes, at: int, step: int, n: int, wanted: int) -> tuple[
             raise ValueError(f"chunk of {length} numbers")
         parts.append(np.frombuffer(content, np.float64, length, at + CHUNK.size))
         at += CHUNK.size + 8 * length
-    table = np.concatenate(parts).reshape(n, wanted)
-    if not np.array_equal(table[:, 0], np.arange(1, n + 1)):
-        raise ValueError(f"ids are not 1 to {n} in order")
+    table = np.concatenate(parts).reshape(particles, wanted)
     if not np.isfinite(table).all():
         raise ValueError("not a number (nan)")
     return table, at
@@ -176,7 +184,13 @@ def history(scene: Scene, blocks: list[list[str]], raw: Path) -> pandas.DataFram
     centre = np.stack([column[f"centre_{a}"] for a in "xyz"], axis=1)
     column["time"] = column["step"] * scene.time.step
     mass = _mass(scene, column["step"])
-    if scene.insert:
+    if scene.exits:
+        removal.check(scene, column)
+        come = np.array([scene.count_at(int(step)) for step in column["step"]])
+        column |= removal.history(scene, column, come, mass)
+        mass = column["mass"]
+    column["particles"] = np.rint(column["particles"]).astype(np.int64)
+    if scene.insert or scene.exits:
         centre = np.divide(centre, mass[:, None], out=np.full_like(centre, np.nan), where=mass[:, None] > 0)
         column |= {f"centre_{axis}": centre[:, k] for k, axis in enumerate("xyz")}
         column["front_x"] = np.where(mass > 0, column["front_x"], np.nan)
@@ -185,8 +199,18 @@ def history(scene: Scene, blocks: list[list[str]], raw: Path) -> pandas.DataFram
     column.setdefault("rotational_energy", np.zeros(len(rows)))
     if scene.meshes and "mesh_contacts" not in names:
         del column["contacts"]
-    usual = {name: column[name] for name in HISTORY_COLUMNS if name in column}
+    kept = [*HISTORY_COLUMNS, *({"particles"} & set(scene.output.history or ()))]
+    kept += [name for name in column if name.startswith("removed_")]
+    usual = {name: column[name] for name in kept if name in column}
     return pandas.DataFrame(usual | wall_loads.history(scene, raw, column))
+
+
+def mean_count(scene: Scene, blocks: list[list[str]]) -> int:
+    """How many particles there are on average over the steps; where some leave, over the thermo rows."""
+    if not scene.exits:
+        return scene.mean_count(scene.n_steps)
+    at = history_columns(scene).index("particles")
+    return round(float(np.mean([float(row.split()[at]) for rows in blocks for row in rows])))
 
 
 def _mass(scene: Scene, steps: np.ndarray) -> np.ndarray:

@@ -184,7 +184,9 @@ def _believe(console: Console, deck: Deck, directory: Path, status: int | None) 
     elif [steps for _, steps, _ in console.loops] != wanted or console.step != deck.segments[-1].last:
         what = f"LIGGGHTS ended early: {len(console.loops)} of {len(wanted)} runs done, step {console.step}"
     elif lost := [
-        (n, s) for (*_, n), s in zip(console.loops, deck.segments, strict=True) if n != s.particles
+        (n, s)
+        for (*_, n), s in zip(console.loops, deck.segments, strict=True)
+        if n > s.particles or (n < s.particles and not deck.may_lose)
     ]:
         left, segment = lost[-1]
         what = f"LIGGGHTS lost particles: {left} of {segment.particles} left"

@@ -93,7 +93,8 @@ def chosen(scene: Scene) -> list[str] | None:
     """Names of the history's columns where a scene chooses them; None: all."""
     if scene.output.history is None:
         return None
-    return [*scene.output.history, *(name for wall in _wanted(scene) for name in _names(scene, wall))]
+    exits = [f"removed_{part}{stated.name}" for stated in scene.exits for part in ("", "mass_")]
+    return [*scene.output.history, *(name for wall in _wanted(scene) for name in _names(scene, wall)), *exits]
 
 
 def _wanted(scene: Scene) -> list[Wall]:

@@ -49,6 +49,8 @@ def facts(scene: Scene) -> contract.SceneFacts:
         raise CannotState("groups: in scene.json all particles move freely")
     if scene.insert:
         raise CannotState("insert: scene.json has the particles at the start only")
+    if scene.exits:
+        raise CannotState("domain.sides: scene.json has the same particles to the end")
     state, steps = scene.state, wanted_steps(scene)
     names = list(scene.materials)
     return contract.SceneFacts(
@@ -57,7 +59,7 @@ def facts(scene: Scene) -> contract.SceneFacts:
         steps=contract.Steps(dt=scene.time.step, count=scene.n_steps),
         wanted=contract.Wanted(steps=steps.tolist(), times=(steps * scene.time.step).tolist()),
         gravity=scene.gravity,
-        domain=contract.DomainFacts(**scene.domain.model_dump()),
+        domain=contract.DomainFacts(**scene.domain.model_dump(exclude={"sides"})),
         materials={k: contract.MaterialFacts(**m.model_dump()) for k, m in scene.materials.items()},
         pairs=[contract.PairFacts(**pair.model_dump()) for pair in scene.pairs],
         contact=contract.ContactFacts(**scene.contact.model_dump()),

@@ -1,0 +1,102 @@
+"""Particles that leave through open sides: gpudem and the binary agree step by step; the deck."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gpudem.driver import simulate
+from gpudem.scene import Scene
+from reference import liggghts as code
+from reference.liggghts.deck import render
+from reference.liggghts.errors import LiggghtsFailed
+from tests.reference.test_insertion import pouring
+
+#: Of a diameter, after some thousand steps with contacts.
+TOLERANCE = 1e-9
+STEP = 1e-5
+
+
+def running_out(periodic: bool = False, open_sides: tuple[str, ...] = ("xlo",), **changes) -> Scene:
+    """The balls of `pouring` come into a box that slopes down to an open side; its gate goes at 15 ms."""
+    walls = [
+        {"kind": "box", "name": "box", "material": "wall",
+         "sides": ["zlo", "zhi", *([] if periodic else ["ylo", "yhi"]), *({"xlo", "xhi"} - set(open_sides))]},
+        {"kind": "plane", "name": "gate", "material": "wall", "point": (0.001, 0, 0), "normal": (1, 0, 0),
+         "removed_at": 0.015},
+    ]  # fmt: skip
+    domain = {"lo": (0, 0, 0), "hi": (0.1, 0.1, 0.2), "periodic": (False, periodic, False),
+              "sides": dict.fromkeys(open_sides, "outflow")}  # fmt: skip
+    more = {
+        "gravity": (-60.0, 0, -6.0),
+        "walls": walls,
+        "domain": domain,
+        "output": {
+            "trace_every": STEP,
+            "history_every": STEP,
+            "frames_every": 0.01,
+            "history": ["particles", "kinetic_energy", "potential_energy", "contacts", "centre_x"],
+        },
+    }
+    return pouring(**{**more, "time": {"step": STEP, "duration": 0.05}, **changes})
+
+
+@pytest.mark.liggghts
+@pytest.mark.parametrize("options", [{}, {"periodic": True}], ids=["walls", "periodic"])
+def test_agrees_with_binary(options, tmp_path, liggghts):
+    """Detects: a removal in another step or of another particle, a force of one that has left."""
+    scene = running_out(**options)
+    run, ours = code.run(scene, tmp_path), simulate(scene)
+    assert run.trace is not None
+    assert ours.trace is not None
+    gone = np.isnan(ours.trace["position"][-1, :, 0])
+    assert 5 < gone.sum() < len(gone)
+    assert np.array_equal(np.isnan(run.trace["position"]), np.isnan(ours.trace["position"])), "in every step"
+    for name, scale in (("position", 0.01), ("velocity", 3.0), ("angular_velocity", 100.0)):
+        difference = np.abs(run.trace[name] - ours.trace[name])
+        assert np.nanmax(difference) < TOLERANCE * scale, name
+    assert run.history is not None
+    assert ours.history is not None
+    assert list(run.history) == list(ours.history)
+    assert run.history.removed_xlo.iloc[-1] == gone.sum()
+    for name in ours.history.columns:
+        scale = np.nanmax(np.abs(ours.history[name]))
+        assert np.nanmax(np.abs(run.history[name] - ours.history[name])) <= 1e-9 * scale, name
+    assert [len(f["id"]) for f in run.frames] == ours.history.particles[::1000].tolist()
+    assert abs(run.timing.particles - ours.timing.particles) <= 1
+
+
+def test_deck():
+    """Detects: a scene without open sides that may lose particles, a side that is open by accident."""
+    lines = render(running_out()).text.splitlines()
+    words = {line.split()[0]: line for line in lines if line.split()}
+    x, y = ([float(v) for v in line.split()[:2]] for line in render(running_out()).data.splitlines()[5:7])
+    assert x[0] == 0.0
+    assert x[1] > 0.15
+    assert y[0] < -0.05
+    assert "lost ignore" in words["thermo_modify"]
+    assert render(running_out()).may_lose
+    plain = render(pouring())
+    assert "lost error" in plain.text
+    assert not plain.may_lose
+    assert "beyond" not in plain.text
+
+
+@pytest.mark.liggghts
+def test_a_closed_side_is_still_an_error(tmp_path, liggghts):
+    """Detects: a particle that is lost without a word through a side that is not open."""
+    walls = running_out().model_dump()["walls"]
+    walls[0]["sides"] = ["zhi", "ylo", "yhi", "xhi"]
+    with pytest.raises(
+        LiggghtsFailed, match="left the domain through a side that is not open, in or before step"
+    ):
+        code.run(running_out(walls=walls), tmp_path)
+
+
+@pytest.mark.liggghts
+def test_several_open_sides(tmp_path, liggghts):
+    """Detects: columns of one side with what left through another."""
+    run = code.run(running_out(open_sides=("xlo", "xhi")), tmp_path)
+    assert run.history is not None
+    assert not [name for name in run.history if name.startswith("removed")]
+    assert any("removed_* and removed_mass_* are left out" in warning for warning in run.warnings)
