@@ -15,7 +15,7 @@ import pytest
 from gpudem.scene import Explicit, Material, Scene, SceneError, checks, model, sections
 from gpudem.solver.neighbor_kernels import CACHE_SIZE
 from tests.bad_groups import GROUPS
-from tests.bad_insertions import INSERTIONS
+from tests.bad_insertions import INSERTIONS, SOURCES
 from tests.bad_removals import REMOVALS
 from tests.bad_scenes import CONE, CYLINDER, EXPLICIT, FIELDS, GOOD, LATTICE, MESH, MOTIONS, WALLS, WHOLE, Bad
 
@@ -30,9 +30,10 @@ def test_the_good_scene_is_good(tmp_path: Path) -> None:
         assert len(Scene.from_toml(path).wall_elements) == 2
 
 
-@pytest.mark.parametrize(
-    "row", FIELDS + WHOLE + WALLS + MOTIONS + INSERTIONS + GROUPS + REMOVALS, ids=lambda row: row.name
-)
+ROWS = FIELDS + WHOLE + WALLS + MOTIONS + INSERTIONS + SOURCES + GROUPS + REMOVALS
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
 def test_message(row: Bad, tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(row.text())

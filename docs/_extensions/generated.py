@@ -60,7 +60,18 @@ def code(text: str) -> str:
 
 def scene_page() -> str:
     """Every key of a scene file: type, unit, range, default, meaning."""
-    from gpudem.scene import groups, insertion, mesh, motion, sections, wall_kinds, walls
+    from gpudem.scene import (
+        distributions,
+        groups,
+        insertion,
+        mesh,
+        motion,
+        regions,
+        sections,
+        sources,
+        wall_kinds,
+        walls,
+    )
     from gpudem.scene.model import Scene
 
     parts = {
@@ -72,7 +83,14 @@ def scene_page() -> str:
         '[particles] with source = "file"': sections.FromFile,
         '[particles] with source = "lattice"': sections.Lattice,
         "Mixture of radii": sections.RadiusShare,
-        '[[insert]] with kind = "list"': insertion.InsertList,
+        **{f'[[insert]] with kind = "{kind}"': section for kind, section in insertion.INSERTIONS.items()},
+        "Part of a mixture": sources.Part,
+        **{f'Region with kind = "{kind}"': section for kind, section in regions.REGIONS.items()},
+        **{f'Face with kind = "{kind}"': section for kind, section in regions.FACES.items()},
+        **{
+            f'Distribution of radii with kind = "{kind}"': section
+            for kind, section in distributions.DISTRIBUTIONS.items()
+        },
         "[[groups]]": groups.Group,
         **{f'[[walls]] with kind = "{kind}"': section for kind, section in wall_kinds.BUILT_IN.items()},
         "Vibration of a plane": walls.Vibration,

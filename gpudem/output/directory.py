@@ -24,6 +24,7 @@ from gpudem.output.atomic import WriteError, remove_temporary, write_npz, write_
 from gpudem.output.vtu import PVD
 from gpudem.scene import FromFile, Mesh, Scene, SceneError
 from gpudem.scene.files import json_text, parse_json
+from gpudem.scene.sources import Source
 
 SCENE, PARTICLES, RUN = "scene.json", "particles.npz", "run.json"
 HISTORY, TRACE, RESTART, FRAMES = "history.csv", "trace.npz", "restart.npz", "frames"
@@ -118,12 +119,13 @@ def save_scene(directory: Path, scene: Scene) -> None:
         columns = {field.name: getattr(start, field.name) for field in dataclasses.fields(start)}
         write_npz(directory / PARTICLES, columns)
         data["particles"]["path"] = PARTICLES
+    data["insert"] = list(data["insert"])
     for k, insert in enumerate(scene.insert):
-        if insert.path is not None:
+        if isinstance(insert, Source) or insert.path is not None:
             found = scene.insertion_lists[k]
             assert found.time is not None
             columns = {f.name: getattr(found.state, f.name) for f in dataclasses.fields(found.state)}
-            data["insert"][k].update(path=_insertion_file(k), radius=None, material=None)
+            data["insert"][k] = {"kind": "list", "path": _insertion_file(k)}
             write_npz(directory / _insertion_file(k), {**columns, "time": found.time})
     for wall, stated in zip(scene.walls, data["walls"], strict=True):
         if isinstance(wall, Mesh) and wall.file is not None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import collections
 from collections.abc import Callable, Collection
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from gpudem.scene import groups, law_parameters, removal, wall_checks
 from gpudem.scene.overlaps import MAX_START_OVERLAP, find_overlaps, lattice_within
 from gpudem.scene.scene_warnings import rounded_times, unexpected, without_effect
 from gpudem.scene.sections import MAX_PARTICLES
+from gpudem.scene.sources import Source
 from gpudem.scene.time_step import (
     USUAL_CONTACT,
     USUAL_RAYLEIGH,
@@ -69,7 +70,8 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
     run_check(_pair_units, "pairs", "allow")
     speed = run_check(_speed_units, "contact", "allow")
     run_check(_duration, "time")
-    if not (particles and run_check(_state)):
+    drawn = any(isinstance(insert, Source) for insert in scene.insert)
+    if not (particles and run_check(_state, *(("time", "gravity", "domain", "materials") if drawn else ()))):
         return found
     grouped = walls and run_check(groups.problems, "groups")
     paired = pairs and walls and run_check(_pairs, "contact")
@@ -108,15 +110,13 @@ def _unknown(used: list[tuple[str, str]], scene: Scene) -> list[str]:
 
 
 def _particle_materials(scene: Scene) -> list[str]:
-    stated: list[tuple[str, Any]] = [] if scene.particles is None else [("particles", scene.particles)]
-    stated += [(f"insert[{k}]", insert) for k, insert in enumerate(scene.insert)]
-    if not stated:
+    if scene.particles is None and not scene.insert:
         return ["particles: missing; or state what is inserted ([[insert]])"]
-    used = []
-    for key, section in stated:
-        material = section.material or ()
-        names = [material] if isinstance(material, str) else dict.fromkeys(material)
-        used += [(f"{key}.material", name) for name in names]
+    material = scene.particles.material if scene.particles is not None else ()
+    names = [material] if isinstance(material, str) else dict.fromkeys(material or ())
+    used = [("particles.material", name) for name in names]
+    for k, insert in enumerate(scene.insert):
+        used += [(f"insert[{k}].{key}", name) for key, name in insert.material_names]
     return _unknown(used, scene)
 
 

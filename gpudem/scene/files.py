@@ -7,7 +7,7 @@ import difflib
 import json
 import tomllib
 import typing
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -62,9 +62,20 @@ def count_paths_from(data: dict[str, Any], folder: Path) -> None:
     for sections, key in (("walls", "file"), ("insert", "path")):
         stated = data.get(sections)
         places += [(section, key) for section in (stated if isinstance(stated, list) else [])]
+    inserted = [section for section, key in places if key == "path" and isinstance(section, dict)]
+    places += [(region, "file") for section in inserted for region in _regions(section.get("region"))]
     for section, key in places:
         if isinstance(section, dict) and isinstance(section.get(key), str):
             section[key] = str(folder / section[key])
+
+
+def _regions(stated: Any) -> Iterator[dict[str, Any]]:
+    """The tables of a region and of those that it is made of."""
+    for one in stated if isinstance(stated, list) else [stated]:
+        if isinstance(one, dict):
+            yield one
+            for key in ("parts", "part", "without"):
+                yield from _regions(one.get(key))
 
 
 def parse_json(text: str, source: str) -> dict[str, Any]:
@@ -216,9 +227,8 @@ def _sections(loc: tuple[Any, ...], model: type[BaseModel]) -> list[type[BaseMod
         if isinstance(part, int):
             continue
         tagged = [m for m in models if part in (_own_tag(m) or _tag(m))]
-        inner = [
-            m for x in models if part in x.model_fields for m in _models(x.model_fields[part].annotation)
-        ]
+        fields = [x.model_fields[part] for x in models if part in x.model_fields]
+        inner = [m for field in fields for item in (field.annotation, *field.metadata) for m in _models(item)]
         models = tagged or inner or models
     return models
 

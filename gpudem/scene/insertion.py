@@ -14,12 +14,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, model_validator
+from pydantic import AfterValidator, PlainValidator, SerializeAsAny, model_validator
 
+from gpudem.scene.files import OneOf
+from gpudem.scene.overlaps import near_pairs
 from gpudem.scene.packing import InitialState
 from gpudem.scene.particle_files import ParticleFile, read_particles
+from gpudem.scene.placement import Flight
 from gpudem.scene.sections import ANGULAR_VELOCITY, POSITION, RADIUS, VELOCITY
-from gpudem.scene.types import Model, each, names, number
+from gpudem.scene.sources import InsertPack, InsertRate, InsertStream, Source, Surroundings
+from gpudem.scene.types import Model, each, names, number, of_kind
 
 if TYPE_CHECKING:
     from gpudem.scene.model import Scene
@@ -64,6 +68,12 @@ class InsertList(Model):
                     raise ValueError(f"{key}: missing{unit}; or state a path")
         return self
 
+    @property
+    def material_names(self) -> list[tuple[str, str]]:
+        """Key and name of each material that it states."""
+        stated = [self.material] if isinstance(self.material, str) else dict.fromkeys(self.material or ())
+        return [("material", name) for name in stated]
+
     def read(self, index: dict[str, int]) -> ParticleFile:
         """The particles with their times. Raises ValueError naming the key, or file, column and row."""
         if self.path is not None:
@@ -99,15 +109,90 @@ class Inserted:
     """What a user may not expect of the files, one sentence each."""
 
 
+#: The class of each kind of insertion.
+INSERTIONS: dict[str, type[Model]] = {
+    "list": InsertList, "pack": InsertPack, "rate": InsertRate, "stream": InsertStream,
+}  # fmt: skip
+
+if TYPE_CHECKING:
+    InsertSection = InsertList | Source
+else:
+    InsertSection = Annotated[
+        SerializeAsAny[Model],
+        PlainValidator(of_kind(lambda kind: INSERTIONS.get(kind), Model)),
+        OneOf(lambda: INSERTIONS),
+    ]
+
+
 def read(scene: Scene) -> list[ParticleFile]:
-    """What each insertion states. Raises ValueError naming it and its key, or file, column, row."""
-    lists = []
+    """What each insertion states, one after the other: those stated later avoid the earlier ones.
+
+    Raises ValueError naming the insertion and its key, or file, column, row.
+    """
+    lists: list[ParticleFile] = []
+    flight = None
     for k, insert in enumerate(scene.insert):
         try:
-            lists.append(insert.read(scene.material_index))
+            if isinstance(insert, InsertList):
+                found = insert.read(scene.material_index)
+            else:
+                flight = flight or _flight(scene, lists)
+                found = insert.resolve(_surroundings(scene, k, flight))
+                _require_apart(scene, lists, found, k)
         except (ValueError, KeyError) as error:
             raise ValueError(f"insert[{k}].{error}") from None
+        if flight is not None and isinstance(insert, InsertList):
+            assert found.time is not None
+            flight.add(found.state, found.time)
+        lists.append(found)
     return lists
+
+
+def _require_apart(scene: Scene, lists: list[ParticleFile], found: ParticleFile, number: int) -> None:
+    """Raises ValueError: a stream whose particles begin where those of another stream do at that time."""
+    streams = [k for k in range(number) if isinstance(scene.insert[k], InsertStream)]
+    if not isinstance(scene.insert[number], InsertStream):
+        return
+    lo = np.array(scene.domain.lo)
+    period = np.where(scene.domain.periodic, np.array(scene.domain.hi) - lo, 0.0)
+    assert found.time is not None
+    for k in streams:
+        other, first = lists[k], len(lists[k].state)
+        assert other.time is not None
+        if other.time.max() < found.time.min() or found.time.max() < other.time.min():
+            continue
+        position = np.concatenate([other.state.position, found.state.position]) - lo
+        radius = np.concatenate([other.state.radius, found.state.radius])
+        for i, j, distance in near_pairs(position, radius, period, 0.0):
+            hit = ((i < first) != (j < first)) & (distance < radius[i] + radius[j])
+            if hit.any():
+                raise ValueError(
+                    f"face: meets the stream of insert[{k}] while both run; allowed: faces apart, or other"
+                    " times"
+                )
+
+
+def _surroundings(scene: Scene, number: int, flight: Flight) -> Surroundings:
+    """What a source needs of its scene."""
+    domain, time = scene.domain, scene.time
+    # a step as long as the run stands for one that is still to be found (step = "auto")
+    step = time.step if time.step < time.duration else 0.0
+    return Surroundings(
+        scene.materials, step, time.duration, np.array(domain.lo), np.array(domain.hi), number, flight
+    )
+
+
+def _flight(scene: Scene, lists: list[ParticleFile]) -> Flight:
+    """Free flight of the particles of the start, in the first step only, and of lists."""
+    domain, step = scene.domain, scene.time.step
+    lo = np.array(domain.lo)
+    period = np.where(domain.periodic, np.array(domain.hi) - lo, 0.0)
+    flight = Flight(lo, period, np.array(scene.gravity), step if step < scene.time.duration else 0.0)
+    flight.start = scene.stated_at_start
+    for found in lists:
+        assert found.time is not None
+        flight.add(found.state, found.time)
+    return flight
 
 
 def resolve(scene: Scene) -> Inserted:

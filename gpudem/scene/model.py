@@ -25,7 +25,7 @@ from gpudem.contact.names import LawNames
 from gpudem.errors import SceneError
 from gpudem.scene import checks, files, groups, insertion, laws, overlaps, removal, time_step
 from gpudem.scene.groups import Group
-from gpudem.scene.insertion import Inserted, InsertList
+from gpudem.scene.insertion import Inserted, InsertSection
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.motion import Servo
 from gpudem.scene.packing import InitialState, lattice
@@ -100,7 +100,7 @@ class Scene(Model):
     """The contact law."""
     particles: Annotated[Explicit | FromFile | Lattice, Field(discriminator="source")] | None = None
     """The particles at the start; may be left out where some are inserted."""
-    insert: tuple[InsertList, ...] = ()
+    insert: tuple[InsertSection, ...] = ()
     """Particles inserted during the run."""
     groups: tuple[Group, ...] = ()
     """Particles that contacts do not move."""
@@ -146,6 +146,8 @@ class Scene(Model):
             what = "time.step = 'auto': nothing moves and nothing overlaps, so that there is no contact time"
             raise SceneError(source, [f"{what}; state the step [s]"])
         object.__setattr__(self, "time", self.time.model_copy(update={"step": step}))
+        for name in set(vars(self)) - set(type(self).model_fields) - {"particle_file"}:
+            vars(self).pop(name)  # what follows from the placeholder, such as the steps of insertions
         found = checks.problems(self)
         if found:
             raise SceneError(source, found)
@@ -261,7 +263,7 @@ class Scene(Model):
     @functools.cached_property
     def stated_particles(self) -> InitialState:
         """All particles as stated: at the start, then inserted. Raises ValueError: they cannot be."""
-        start = self._stated_at_start()
+        start = self.stated_at_start
         return insertion.joined([start, self.inserted.state]) if self.insert else start
 
     @functools.cached_property
@@ -314,7 +316,8 @@ class Scene(Model):
         """What moves each particle, shape (n,): `groups.FREE` or `groups.FROZEN`."""
         return groups.held(self)
 
-    def _stated_at_start(self) -> InitialState:
+    @functools.cached_property
+    def stated_at_start(self) -> InitialState:
         """Particles at the start as the lattice, list or file states them. Raises ValueError: it cannot."""
         p = self.particles
         if p is None:

@@ -99,7 +99,7 @@ def start_elastic_energy(scene: Scene) -> float:
     if len(state) < 2 or lattice_within(scene):
         return energy
     period = np.where(scene.domain.periodic, np.array(scene.domain.hi) - lo, 0.0)
-    for i, j, distance in _meeting(_candidates(state.position - lo, state.radius, period, TOUCHING), free):
+    for i, j, distance in _meeting(near_pairs(state.position - lo, state.radius, period, TOUCHING), free):
         sum_radii = state.radius[i] + state.radius[j]
         for k in np.flatnonzero(distance < sum_radii).tolist():
             a, b = int(i[k]), int(j[k])
@@ -133,7 +133,7 @@ def find_overlaps(
         What was found; None: no such pair.
     """
     count, share, worst, deepest = 0, limit, (0, 0), 0.0
-    for i, j, distance in _meeting(_candidates(position, radius, period, limit), free):
+    for i, j, distance in _meeting(near_pairs(position, radius, period, limit), free):
         overlap = radius[i] + radius[j] - distance
         shares = overlap / np.minimum(radius[i], radius[j])
         bad = shares > limit
@@ -157,8 +157,11 @@ def _meeting(pairs: Pairs, free: np.ndarray | None) -> Pairs:
         yield i[keep], j[keep], distance[keep]
 
 
-def _candidates(position: np.ndarray, radius: np.ndarray, period: np.ndarray, limit: float) -> Pairs:
-    """(i, j, distance [m]) of pairs that may overlap by more than the limit, each pair once, in pieces."""
+def near_pairs(position: np.ndarray, radius: np.ndarray, period: np.ndarray, limit: float) -> Pairs:
+    """(i, j, distance [m]) of pairs that may overlap by more than the limit, each pair once, in pieces.
+
+    Arguments as of `find_overlaps`. i and j are in no order.
+    """
     from scipy.spatial import KDTree
 
     def tree(points: np.ndarray) -> KDTree:

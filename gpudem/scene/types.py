@@ -12,11 +12,20 @@ import dataclasses
 import math
 import numbers
 import re
+from collections.abc import Callable
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, StrictBool, ValidationError
-from pydantic_core import CoreSchema, core_schema
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    StrictBool,
+    TypeAdapter,
+    ValidationError,
+)
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from gpudem.contact import registry
 from gpudem.errors import SceneError
@@ -322,3 +331,23 @@ class law_name(_Plain):
             if registry.find(self.slot, value) is None:
                 raise ValueError(f"unknown{nearest(value, registry.names(self.slot))}")
         return value
+
+
+def of_kind(find: Callable[[str], type[Model] | None], base: type[Model]) -> Callable[[Any], Model]:
+    """A validator: a section stated as a table becomes one of the class that its key `kind` names."""
+
+    def check(value: Any) -> Model:
+        if isinstance(value, base):
+            return value
+        if not isinstance(value, dict):
+            raise ValueError("must be a table")
+        if "kind" not in value:
+            raise PydanticCustomError("union_tag_not_found", "no kind", {"discriminator": "'kind'"})
+        section = find(str(value["kind"]))
+        if section is None:
+            raise PydanticCustomError(
+                "union_tag_invalid", "unknown kind", {"discriminator": "'kind'", "tag": str(value["kind"])}
+            )
+        return TypeAdapter(section).validate_python(value)
+
+    return check

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
-from pydantic import PlainValidator, SerializeAsAny, TypeAdapter
-from pydantic_core import PydanticCustomError
+from pydantic import PlainValidator, SerializeAsAny
 
 from gpudem.scene.files import OneOf
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.round_walls import Cone, Cylinder
-from gpudem.scene.types import Model
+from gpudem.scene.types import Model, of_kind
 from gpudem.scene.walls import Box, Plane, Wall
 from gpudem.walls import registry
 
@@ -25,25 +24,12 @@ def wall_sections() -> dict[str, type[Wall]]:
     return BUILT_IN | registry.sections()
 
 
-def _wall_section(value: Any) -> Any:
-    """A wall as the section of its kind, which validates it."""
-    if isinstance(value, Wall):
-        return value
-    if not isinstance(value, dict):
-        raise ValueError("must be a table")
-    if "kind" not in value:
-        raise PydanticCustomError("union_tag_not_found", "no kind", {"discriminator": "'kind'"})
-    kind = value["kind"]
-    section = BUILT_IN.get(kind) if isinstance(kind, str) else None
-    section = section or wall_sections().get(str(kind))
-    if section is None:
-        raise PydanticCustomError(
-            "union_tag_invalid", "unknown kind", {"discriminator": "'kind'", "tag": str(kind)}
-        )
-    return TypeAdapter(section).validate_python(value)
+def _find(kind: str) -> type[Wall] | None:
+    """The section class of a kind; other packages are loaded only for kinds of theirs."""
+    return BUILT_IN.get(kind) or wall_sections().get(kind)
 
 
 if TYPE_CHECKING:
     WallSection = Wall
 else:
-    WallSection = Annotated[SerializeAsAny[Model], PlainValidator(_wall_section), OneOf(wall_sections)]
+    WallSection = Annotated[SerializeAsAny[Model], PlainValidator(of_kind(_find, Wall)), OneOf(wall_sections)]

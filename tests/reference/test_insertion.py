@@ -16,6 +16,22 @@ from tests.gpudem.beds import MATERIALS, PAIRS
 TOLERANCE = 1e-9
 
 
+#: Two sizes of two materials, from above, in three fillings; and a stream.
+PACK = {
+    "kind": "pack", "region": {"kind": "block", "lo": (0.0, 0.0, 0.1), "hi": (0.1, 0.1, 0.19)}, "count": 40,
+    "velocity": (0, 0, -2.0), "velocity_spread": 0.1, "angular_velocity": (5.0, 0, 1.0), "attempts": 2,
+    "every": 0.012, "seed": 1,
+    "mixture": [
+        {"material": "ball", "radius": 0.007, "share": 0.5},
+        {"material": "wall", "radius": {"kind": "normal", "mean": 0.006, "sigma": 0.0005}, "share": 0.5},
+    ],
+}  # fmt: skip
+STREAM = {
+    "kind": "stream", "face": {"kind": "disc", "center": (0.05, 0.05, 0.15), "axis": (0, 0, 1),
+    "radius": 0.04}, "number_rate": 1500.0, "radius": 0.006, "material": "ball", "velocity": (0, 0, -4.0),
+}  # fmt: skip
+
+
 def pouring(at_start: bool = True, periodic: bool = False, count: int = 30, **changes) -> Scene:
     """Balls of two radii and materials are thrown one after the other into a box, with spin."""
     rng = np.random.default_rng(4)
@@ -54,7 +70,15 @@ def pouring(at_start: bool = True, periodic: bool = False, count: int = 30, **ch
 
 @pytest.mark.liggghts
 @pytest.mark.parametrize(
-    "options", [{}, {"at_start": False}, {"periodic": True}], ids=["bed", "none at the start", "periodic"]
+    "options",
+    [
+        {},
+        {"at_start": False},
+        {"periodic": True},
+        {"insert": [PACK], "at_start": False},
+        {"insert": [STREAM]},
+    ],
+    ids=["bed", "none at the start", "periodic", "pack", "stream"],
 )
 def test_agrees_with_binary(options, tmp_path, liggghts):
     """Detects: an insertion a step apart, as a set-up, at a rounded place, with another kick, other ids."""

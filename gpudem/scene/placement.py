@@ -1,0 +1,136 @@
+"""Positions of particles in a region without overlap: random sequential addition, on the host.
+
+Each particle is placed at a point drawn uniformly that lies in the region and overlaps none placed before, or
+is left out after so many attempts (B. Widom, J. Chem. Phys. 44 (1966) 3888). Attempts are made in rounds, in
+each of which the largest particles come first. Spheres of one size fill at most 0.38 of a large volume, discs
+0.55 of a plane.
+
+Particles that were inserted earlier are where free flight has taken them; contacts on their way are not known
+before the run.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from gpudem.scene.overlaps import near_pairs
+from gpudem.scene.packing import InitialState
+from gpudem.scene.regions import Region
+
+#: Distances of centers exceed the sum of radii by this share: rounding makes no contact.
+CLEARANCE = 1e-6
+#: Points tried at once, at most.
+BATCH = 200_000
+
+
+@dataclasses.dataclass
+class Flight:
+    """Particles in free flight, and the domain in which they move."""
+
+    lo: np.ndarray
+    """Lower corner of the domain [m]."""
+    period: np.ndarray
+    """Length along periodic axes [m], 0 along others."""
+    gravity: np.ndarray
+    """Acceleration [m/s2]."""
+    step: float
+    """Time step [s]: within its step an inserted particle gets half a kick."""
+    start: InitialState = dataclasses.field(default_factory=InitialState.none)
+    """Particles at the start: they are where they are stated in the first step; later ones are not known."""
+    position: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 3)))
+    velocity: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 3)))
+    radius: np.ndarray = dataclasses.field(default_factory=lambda: np.empty(0))
+    time: np.ndarray = dataclasses.field(default_factory=lambda: np.empty(0))
+
+    def add(self, state: InitialState, time: np.ndarray) -> None:
+        """More particles, each from its time [s]."""
+        self.position = np.concatenate([self.position, state.position])
+        self.velocity = np.concatenate([self.velocity, state.velocity])
+        self.radius = np.concatenate([self.radius, state.radius])
+        self.time = np.concatenate([self.time, time])
+
+    def near(self, region: Region, reach: float, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """(positions [m], radii [m]) at a time [s] of the particles that come within `reach` of a region."""
+        t = np.where(self.time <= time, time - self.time, np.nan)[:, None]
+        place = self.position + self.velocity * t + self.gravity * (t * t + t * self.step) / 2
+        periodic = self.period > 0
+        place[:, periodic] = self.lo[periodic] + (place - self.lo)[:, periodic] % self.period[periodic]
+        low, high = region.bounds()
+        margin = (reach + self.radius)[:, None]
+        near = ((place > low - margin) & (place < high + margin)) | (periodic & (t >= 0))
+        keep = near.all(axis=1)
+        first = len(self.start) if time <= self.step else 0
+        return (np.concatenate([self.start.position[:first], place[keep]]),
+                np.concatenate([self.start.radius[:first], self.radius[keep]]))  # fmt: skip
+
+
+def place(
+    region: Region, radius: np.ndarray, rng: np.random.Generator, attempts: int, flight: Flight, time: float,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Positions in a region for spheres of these radii, shape (n,), at a time [s].
+
+    Returns:
+        (positions [m], shape (n, 3); whether each was placed, shape (n,)).
+    """
+    position, placed = np.zeros((len(radius), 3)), np.zeros(len(radius), bool)
+    if not len(radius):
+        return position, placed
+    there, their = flight.near(region, float(radius.max()), time)
+    order = np.argsort(-radius, kind="stable")
+    tried = 0
+    while tried < attempts and len(order):
+        each = min(attempts - tried, max(1, len(radius) // len(order)), max(1, BATCH // len(order)))
+        row = np.repeat(order, each)
+        points = region.points(rng.random((len(row), 3)))
+        within = region.depth(points) >= radius[row]
+        row, points = row[within], points[within]
+        good = _without_overlap(points, radius[row], row, there, their, flight)
+        position[row[good]], placed[row[good]] = points[good], True
+        there, their = np.concatenate([there, points[good]]), np.concatenate([their, radius[row[good]]])
+        order = order[~placed[order]]
+        tried += each
+    return position, placed
+
+
+def _without_overlap(
+    points: np.ndarray, radius: np.ndarray, row: np.ndarray, there: np.ndarray, their: np.ndarray,
+    flight: Flight,
+) -> np.ndarray:  # fmt: skip
+    """The points to take, ascending: each free of overlap with what is there and with those taken before it.
+
+    row: the particle of each point; a particle takes the first that is free.
+    """
+    first, count = len(there), len(points)
+    if not count:
+        return np.empty(0, np.int64)
+    every = np.concatenate([there, points]) - flight.lo
+    reach = np.concatenate([their, radius]) * (1 + CLEARANCE)
+    blocked = np.zeros(count, bool)
+    pairs: list[np.ndarray] = []
+    for i, j, distance in near_pairs(every, reach, flight.period, 0.0):
+        hit = distance < reach[i] + reach[j]
+        low, high = np.minimum(i, j)[hit], np.maximum(i, j)[hit]
+        blocked[high[(low < first) & (high >= first)] - first] = True  # mutate: overlap_with_earlier
+        both = low >= first
+        pairs.append(np.stack([low[both], high[both]], axis=1) - first)
+    return _first_come(blocked, np.concatenate([np.empty((0, 2), np.int64), *pairs]), row)
+
+
+def _first_come(blocked: np.ndarray, pairs: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """Points taken in their order: not blocked, in no pair with one taken before, one a particle."""
+    pairs = pairs[~blocked[pairs].any(axis=1)]
+    pairs = pairs[np.argsort(pairs[:, 1], kind="stable")]
+    ends = np.searchsorted(pairs[:, 1], np.arange(len(row) + 1)).tolist()
+    lower: list[Any] = pairs[:, 0].tolist()
+    taken, done, found = np.zeros(len(row), bool).tolist(), set(), []
+    for k in np.flatnonzero(~blocked).tolist():
+        particle = int(row[k])
+        if particle in done or any(taken[i] for i in lower[ends[k] : ends[k + 1]]):
+            continue
+        taken[k] = True
+        done.add(particle)
+        found.append(k)
+    return np.array(found, np.int64)
