@@ -17,8 +17,8 @@ from gpudem.scene import Scene
 
 Trace = dict[str, np.ndarray]
 
-#: Particles up to which all pairs are searched at all steps.
-MOST_PARTICLES = 64
+#: Steps between two searches for pairs.
+SEARCHED = 64
 #: Share of the normal impulse below which a tangential impulse is measured by it instead of by itself.
 SMALL = 0.01
 
@@ -67,16 +67,17 @@ MISTAKES = {
 def judged(scene: Scene, trace: Trace) -> str:
     """Why the law cannot be evaluated on a trace; empty if it can."""
     law = scene.contact
-    if len(scene.state) > MOST_PARTICLES:
-        return f"more than {MOST_PARTICLES} particles"
     other = law.normal != "hertz" or law.tangential == "no_history"
     if other or scene.needs.rolling or scene.needs.cohesion or law.frictionless_dashpot:
         return "the law is evaluated only for hertz with history, without rolling friction and cohesion"
     if scene.needs.vibration or scene.needs.periodic or scene.needs.gate or scene.needs.held:
         return "the law is evaluated only with walls at rest and without periodic sides"
-    if len(trace["step"]) != scene.n_steps + 1:
-        return "states are not written at every step"
-    return ""
+    return "" if every_step(scene, trace) else "states are not written at every step"
+
+
+def every_step(scene: Scene, trace: Trace) -> bool:
+    """Whether a trace has the states of all steps."""
+    return len(trace["step"]) == scene.n_steps + 1
 
 
 def overlap(scene: Scene, position: np.ndarray, touch: Touch) -> tuple[np.ndarray, np.ndarray]:
@@ -93,9 +94,9 @@ def overlap(scene: Scene, position: np.ndarray, touch: Touch) -> tuple[np.ndarra
 
 def contacts(scene: Scene, position: np.ndarray) -> list[Touch]:
     """All contacts along a trace."""
-    n, found = len(scene.state), {}
-    others = [Touch(i, plane.name) for plane in scene.planes for i in range(n)]
-    for touch in [*others, *(Touch(i, j) for i in range(n) for j in range(i + 1, n))]:
+    found = {}
+    others = [Touch(i, plane.name) for plane in scene.planes for i in range(len(scene.state))]
+    for touch in [*others, *(Touch(i, j) for i, j in _near(position, 2 * float(scene.state.radius.max())))]:
         on = overlap(scene, position, touch)[1] > 0
         if on.any():
             found[touch] = on
@@ -107,6 +108,18 @@ def contacts(scene: Scene, position: np.ndarray) -> list[Touch]:
         dataclasses.replace(touch, alone=bool((count[on][:, _rows(touch)] == 1).all()))
         for touch, on in found.items()
     ]
+
+
+def _near(position: np.ndarray, reach: float) -> list[tuple[int, int]]:
+    """Pairs i < j whose centers come within a reach [m] of one another anywhere in a trace, and some more."""
+    from scipy.spatial import KDTree
+
+    pairs: set[tuple[int, int]] = set()
+    for first in range(0, len(position), SEARCHED):
+        window = position[first : first + SEARCHED]
+        moved = float(np.linalg.norm(window - window[0], axis=-1).max())
+        pairs |= KDTree(window[0]).query_pairs(reach + 2 * moved)
+    return sorted(pairs)
 
 
 def _rows(touch: Touch) -> list[int]:
@@ -124,17 +137,18 @@ def verlet_error(trace: Trace) -> float:
     return float(np.linalg.norm(trace["velocity"][1:-1] - central, axis=-1).max() / scale)
 
 
-def _half_step(scene: Scene, trace: Trace) -> tuple[np.ndarray, np.ndarray]:
-    """Velocities and spins half a step before each state of a velocity Verlet run, from its states."""
-    dt = scene.time.step
-    v, w = trace["velocity"].copy(), trace["angular_velocity"].copy()
-    v[1:] = np.diff(trace["position"], axis=0) / dt
+def _half_step(scene: Scene, trace: Trace, rows: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """Velocities and spins of some particles half a step before each state of a velocity Verlet run."""
+    dt, spin = scene.time.step, trace["angular_velocity"][:, rows]
+    v, w = trace["velocity"][:, rows].copy(), spin.copy()
+    v[1:] = np.diff(trace["position"][:, rows], axis=0) / dt
     if "torque" in trace:
-        inertia = 0.4 * scene.masses * scene.state.radius**2
-        w[1:] = trace["angular_velocity"][:-1] + dt / 2 * trace["torque"][:-1] / inertia[:, None]
+        inertia = 0.4 * scene.masses[rows] * scene.state.radius[rows] ** 2
+        w[1:] = spin[:-1] + dt / 2 * trace["torque"][:-1, rows] / inertia[:, None]
         return v, w
-    for k in range(2, len(w)):  # the state is the mean of the two half steps around it
-        w[k] = 2 * trace["angular_velocity"][k - 1] - w[k - 1]
+    # a state is the mean of its two half steps: w[k] = 2 spin[k - 1] - w[k - 1], from w[1] = spin[1]
+    sign = np.where(np.arange(2, len(w)) % 2, -1.0, 1.0)[:, None, None]
+    w[2:] = sign * (np.cumsum(2 * sign * spin[1:-1], axis=0) - spin[1])
     return v, w
 
 
@@ -192,7 +206,11 @@ def compare(
     """
     law, dt, i = law or Law(), scene.time.step, touch.i
     n, depth = overlap(scene, trace["position"], touch)
-    v, w = _half_step(scene, trace) if verlet else (trace["velocity"], trace["angular_velocity"])
+    rows = _rows(touch)
+    if verlet:
+        v, w = _half_step(scene, trace, rows)
+    else:
+        v, w = trace["velocity"][:, rows], trace["angular_velocity"][:, rows]
     mass, gravity = scene.masses[i], np.array(scene.gravity)
     inertia = 0.4 * mass * scene.state.radius[i] ** 2
     fn, ft, lever = _forces(scene, bodies(scene, i, touch.other), touch, law, n, depth, v, w)
@@ -200,7 +218,7 @@ def compare(
     on = depth > 0
     used = on[1:] if verlet else on[1:] | on[:-1]
     if verlet:
-        got = 2 * mass * (trace["velocity"][:, i] - v[:, i]) / dt - mass * gravity
+        got = 2 * mass * (trace["velocity"][:, i] - v[:, 0]) / dt - mass * gravity
         got[0] = 0.0
         got = got if given is None else given.copy()
         got[~on] = 0.0
@@ -236,14 +254,17 @@ def _forces(
     v: np.ndarray,
     w: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(normal force (t,), tangential force (t, 3) on i, lever (t,)) by the law at the states."""
+    """(normal force (t,), tangential force (t, 3) on i, lever (t,)) by the law at the states.
+
+    `v` and `w` are those of the contact's particles, (t, 1 or 2, 3).
+    """
     i, radius, delta = touch.i, scene.state.radius, np.maximum(depth, 0.0)
     b = _mistaken(b, law)
     cut = delta / 2 if law.lever else 0.0 * delta
-    relative, turning = v[:, i], (radius[i] - cut)[:, None] * w[:, i]
+    relative, turning = v[:, 0], (radius[i] - cut)[:, None] * w[:, 0]
     if not isinstance(touch.other, str):
-        relative = relative - v[:, touch.other]
-        turning = turning + (radius[touch.other] - cut)[:, None] * w[:, touch.other]
+        relative = relative - v[:, 1]
+        turning = turning + (radius[touch.other] - cut)[:, None] * w[:, 1]
     along = (relative * n).sum(axis=1)
     kn, kt = b.normal_constant * np.sqrt(delta), b.tangential_constant * np.sqrt(delta)
     mass = {"reduced": b.mass_star, "first": b.mass[0], "second": b.mass[1]}[law.mass]
@@ -252,7 +273,7 @@ def _forces(
     if scene.contact.limit_force:
         fn = np.maximum(fn, 0.0)
     fn = np.where(depth > 0, fn, 0.0)
-    slip = (relative if law.relative else v[:, i]) - np.cross(turning, n)
+    slip = (relative if law.relative else v[:, 0]) - np.cross(turning, n)
     slip = slip - (slip * n).sum(axis=1)[:, None] * n
     ct = b.tangential_damping * scale * scene.contact.tangential_damping
     ft = np.zeros_like(slip)

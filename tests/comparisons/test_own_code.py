@@ -141,7 +141,7 @@ def test_the_sentence_for_the_top_of_the_page(ours, tmp_path, options, sentence)
     evaluation.case = dataclasses.replace(evaluation.case, headline=lambda results, checks: "As a scene.")
     assert evaluation.headline(checks, differs) == f"As a scene; my_dem: {sentence.partition('; ')[2]}."
     if not options:  # Detects a doubt at the top of the page about a code whose checks hold.
-        unknown = {NAME: "what differs is not known: more than 64 particles"}
+        unknown = {NAME: "what differs is not known: no contact"}
         assert evaluation.headline(checks, unknown) == "As a scene."
 
 
@@ -240,6 +240,17 @@ def test_figure_of_a_failed_run_is_left_out(ours, tmp_path):
     assert (table.status, table.why) == ("left_out", f"my_dem failed on {label}")
     differs = evaluation.table(attribution.tables((NAME,))[0], tmp_path, 2)
     assert (differs.status, differs.why) == ("left_out", f"my_dem failed on {label}: status 3")
+
+
+def test_a_contact_between_two_searches_is_found():
+    """Detects pairs that are searched only where the particles are at the time of a search."""
+    scene = three_in_a_row()
+    position = np.zeros((200, 3, 3))
+    position[:, 2] = (0.0, 0.2, 0.0)
+    position[:, 1] = (0.04, 0.0, 0.0)
+    middle = law_on_states.SEARCHED // 2
+    position[middle - 10 : middle + 10, 1, 0] = np.linspace(-0.04, 0.04, 20)
+    assert [(c.i, c.other) for c in law_on_states.contacts(scene, position)] == [(0, 1)]
 
 
 def test_missed_steps_of_a_contact_are_of_the_list(ours, tmp_path):
