@@ -85,6 +85,17 @@ class Adhesion:
 
         `damping` C: dashpot C sqrt(m* a) overlap' [N s/m1.5 kg0.5].
         """
+        done = self._solved(speed, float(times[-1]), damping, times)
+        found = np.full((2, len(times)), np.nan)
+        found[:, : done.y.shape[1]] = done.y
+        return found[0], found[1]
+
+    def restitution(self, speed: float, duration: float, damping: float = 0.0) -> float:
+        """Speed at which the bodies part by that of the impact [1]; 0 if they have not by `duration` [s]."""
+        done = self._solved(speed, duration, damping)
+        return float(-done.y_events[0][0, 1] / speed) if len(done.t_events[0]) else 0.0
+
+    def _solved(self, speed: float, duration: float, damping: float, times: np.ndarray | None = None) -> Any:
         m = self.bodies.mass_star
 
         def slope(_: float, y: np.ndarray) -> list[float]:
@@ -95,9 +106,6 @@ class Adhesion:
             return float(y[0]) + self.gap * (1 - 1e-12)
 
         broken.terminal, broken.direction = True, -1.0  # type: ignore[attr-defined]
-        done = solve_ivp(
-            slope, (0.0, float(times[-1])), [0.0, speed], t_eval=times, events=broken, rtol=1e-9, atol=1e-15
+        return solve_ivp(
+            slope, (0.0, duration), [0.0, speed], t_eval=times, events=broken, rtol=1e-9, atol=1e-15
         )
-        found = np.full((2, len(times)), np.nan)
-        found[:, : done.y.shape[1]] = done.y
-        return found[0], found[1]

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
+
+from scipy.optimize import brentq
 
 from comparisons.oracles.bodies import Bodies
 
@@ -32,22 +35,29 @@ class Arm:
         return 0.4 * (self.radius / self.arm) ** 2
 
 
-def sticking_limit(arm: Arm, slope: float) -> float:
-    """Friction [1] needed to roll down a slope [rad]: tan(slope)/(1 + m a^2/I), 2/7 tan(slope)."""
-    return math.tan(slope) / (1 + 1 / arm.inertia)
+def sticking_limit(arm: Arm, slope: float, rolling_friction: float = 0.0) -> float:
+    """Friction [1] needed to roll down a slope [rad] against a torque mu_r N R.
+
+    (tan(slope) I/(m a^2) + mu_r R/a)/(1 + I/(m a^2)); for a = R: 2/7 tan(slope) + 5/7 mu_r.
+    """
+    torque = rolling_friction * arm.radius / arm.arm
+    return (math.tan(slope) * arm.inertia + torque) / (1 + arm.inertia)
 
 
-def down_slope(arm: Arm, slope: float, friction: float, gravity: float) -> tuple[float, float]:
-    """(du/dt, a dw/dt) [m/s2] from rest on a slope [rad].
+def down_slope(
+    arm: Arm, slope: float, friction: float, gravity: float, rolling_friction: float = 0.0
+) -> tuple[float, float]:
+    """(du/dt, a dw/dt) [m/s2] from rest on a slope [rad], against a torque mu_r N R below mu N a.
 
-    Rolls with g sin/(1 + I/(m a^2)) if mu reaches the sticking limit (5/7 g sin(slope)), else slides with
-    g (sin - mu cos) and spins up with mu g cos m a^2/I (5/2 mu g cos).
+    Rolls as `resisted` if mu reaches the sticking limit (5/7 g (sin - mu_r cos)), else slides with
+    g (sin - mu cos) and spins up with (mu - mu_r R/a) g cos m a^2/I (5/2 (mu - mu_r) g cos).
     """
     along, onto = gravity * math.sin(slope), gravity * math.cos(slope)
-    if friction >= sticking_limit(arm, slope):
-        rate = along / (1 + arm.inertia)
+    if friction >= sticking_limit(arm, slope, rolling_friction):
+        rate = resisted(arm, slope, rolling_friction, gravity)
         return rate, rate
-    return along - friction * onto, friction * onto / arm.inertia
+    turning = friction - rolling_friction * arm.radius / arm.arm
+    return along - friction * onto, turning * onto / arm.inertia
 
 
 def resisted(arm: Arm, slope: float, rolling_friction: float, gravity: float) -> float:
@@ -57,3 +67,22 @@ def resisted(arm: Arm, slope: float, rolling_friction: float, gravity: float) ->
     """
     torque = rolling_friction * gravity * math.cos(slope) * arm.radius / arm.arm
     return (gravity * math.sin(slope) - torque) / (1 + arm.inertia)
+
+
+def wound_stop(speed: float, rate: float, wind: float, damping: float) -> float:
+    """Distance [m] from `speed` [m/s] to rest against an elastic-plastic rolling torque with dashpot.
+
+    The spring yields once it is wound up by `wind` [m] of the way; until then the sphere is a damped
+    oscillator of frequency sqrt(rate/wind) and damping ratio `damping`; then it slows by `rate` [m/s2]. At
+    the end the spring unwinds by `wind`, while the dashpot brings it to rest. Without dashpot the distance is
+    speed^2/(2 rate) - wind/2. Raises ValueError if it does not yield.
+    """
+    whole = math.sqrt(rate / wind)
+    decay, turn = damping * whole, whole * math.sqrt(1 - damping**2)
+
+    def way(t: float) -> float:
+        return speed / turn * math.exp(-decay * t) * math.sin(turn * t)
+
+    at: Any = brentq(lambda t: way(t) - wind, 0.0, math.atan2(turn, decay) / turn, xtol=1e-14)
+    left = speed * math.exp(-decay * at) * (math.cos(turn * at) - decay / turn * math.sin(turn * at))
+    return left**2 / (2 * rate)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from comparisons.oracles import column, gas, linear
-from comparisons.oracles.rolling import Arm, down_slope, resisted, sticking_limit
+from comparisons.oracles.rolling import Arm, down_slope, resisted, sticking_limit, wound_stop
 from gpudem.contact.coefficients import pair_coefficients
 from gpudem.scene import Contact, Domain, Explicit, Material, Pair, Scene, Time
 
@@ -78,6 +78,35 @@ def test_slopes_are_the_textbook_ones_for_a_rigid_sphere():
     at = down_slope(RIGID, slope, sticking_limit(RIGID, slope) * (1 - 1e-9), 10.0)
     assert at[0] == pytest.approx(at[1], rel=1e-7)
     assert resisted(RIGID, 0.0, 0.1, 9.8) == pytest.approx(-5 / 7 * 0.98)
+
+
+def test_slope_with_rolling_friction():
+    """The limit 2/7 tan + 5/7 mu_r, where sliding and rolling meet; beyond, 5/2 (mu - mu_r) g cos."""
+    slope, mu_r = math.radians(30), 0.05
+    limit = sticking_limit(RIGID, slope, mu_r)
+    assert limit == pytest.approx(2 / 7 * math.tan(slope) + 5 / 7 * mu_r)
+    u, w = down_slope(RIGID, slope, 0.1, 10.0, mu_r)
+    assert u == pytest.approx(10 * (0.5 - 0.1 * math.cos(slope)))
+    assert w == pytest.approx(2.5 * 0.05 * 10 * math.cos(slope))
+    at = down_slope(RIGID, slope, limit * (1 - 1e-9), 10.0, mu_r)
+    assert at == pytest.approx((resisted(RIGID, slope, mu_r, 10.0),) * 2, rel=1e-7)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.3])
+def test_stop_against_a_rolling_spring(damping):
+    """Against small steps of the torque itself: a spring that yields at its limit, its dashpot below it."""
+    speed, rate, wind = 0.06, 0.35, 4e-4
+    dt, v, way, spring = 1e-6, speed, 0.0, 0.0
+    for _ in range(1_000_000):
+        stretch = spring + v * dt
+        yields = abs(stretch) > wind
+        spring = math.copysign(wind, stretch) if yields else stretch
+        v -= dt * (rate / wind * spring + (0 if yields else 2 * damping * math.sqrt(rate / wind) * v))
+        way += v * dt
+        if v < 0 and damping == 0:
+            way -= wind  # an undamped spring swings about this place
+            break
+    assert wound_stop(speed, rate, wind, damping) == pytest.approx(way, rel=2e-4)
 
 
 @pytest.mark.parametrize(("phi", "z"), [(0.1, 1.52126), (0.2, 2.40625), (0.3, 3.97376), (0.49, 12.15559)])

@@ -1,4 +1,4 @@
-"""Rolling friction: deceleration 5/7 mu_r g on a floor; a slope, on which `epsd2` holds and `cdt` creeps."""
+"""Rolling friction: deceleration 5/7 mu_r g on a floor; a slope, on which springs hold and `cdt` creeps."""
 
 from __future__ import annotations
 
@@ -8,14 +8,32 @@ import numpy as np
 
 from comparisons import kit
 from comparisons.cases.rolling.scenes import GRAVITY, arm, on_plane, rate, step_by_step
-from comparisons.oracles.rolling import resisted
+from comparisons.oracles.rolling import resisted, wound_stop
 from comparisons.report import plots
 from gpudem.output.run import Run
 from gpudem.scene import Contact, Scene
 
 FRICTION = 0.6
-#: Law -> line in figures.
-LAWS = {"cdt": "-", "epsd2": "--"}
+#: Law -> line and size of marks in figures.
+LAWS = {"cdt": ("-", 7), "epsd2": ("--", 5), "epsd": (":", 3), "epsd3": ("-.", 2)}
+#: Those with a spring, which hold a sphere on a slope.
+SPRINGS = ("epsd2", "epsd", "epsd3")
+VISCOUS = 0.3
+#: What a law reads beside rolling friction; the stiffness of `epsd3` is four times that of `epsd`.
+MORE: dict[str, dict[str, float]] = {
+    "epsd": {"rolling_viscous_damping": VISCOUS},
+    "epsd3": {"rolling_viscous_damping": VISCOUS, "rolling_stiffness": 9.0},
+}
+AT_STOP = "the oscillation at the stop changes the distance by 2e-5"
+ONE_STEP = (
+    "the spring yields after 2 to 20 steps, the last of them not whole; the dashpot of a step, 2 eta omega dt"
+    " of the speed, is twice that of the distance: {} at most"
+)
+#: Tolerance of a stopping distance, and why.
+STOPPING = {
+    "cdt": (1e-4, AT_STOP), "epsd2": (1e-4, AT_STOP), "epsd": (5e-3, ONE_STEP.format("5e-3")),
+    "epsd3": (1e-2, ONE_STEP.format("1e-2")),
+}  # fmt: skip
 #: Flat: starting speed [m/s], rolling friction.
 ROLLS = ((0.10, 0.10), (0.06, 0.05), (0.15, 0.20))
 #: Slope [deg], and rolling friction as a multiple of its tangent: below 1 a sphere rolls down from rest.
@@ -28,8 +46,9 @@ def scene(law: str, slope: float) -> Scene:
     tangent = math.tan(math.radians(slope))
     rows = [(0.0, share * tangent) for share in SHARES] if slope else list(ROLLS)
     return on_plane(
-        f"{law}_{slope:g}", [{"friction": FRICTION, "rolling_friction": mu} for _, mu in rows], slope=slope,
-        velocity=[(u, 0.0, 0.0) for u, _ in rows], rolling=True,
+        f"{law}_{slope:g}",
+        [{"friction": FRICTION, "rolling_friction": mu, **MORE.get(law, {})} for _, mu in rows],
+        slope=slope, velocity=[(u, 0.0, 0.0) for u, _ in rows], rolling=True,
         contact=Contact(rolling=law),  # pyright: ignore[reportArgumentType]
         lo=(-0.01, -0.01, -0.001), hi=(0.1, 0.01 * len(rows), 0.01),
         step=4e-6, duration=SLOPE_TIME if slope else FLAT_TIME, every=4e-4,
@@ -48,7 +67,7 @@ def speed(run: Run, k: int) -> np.ndarray:
 
 
 def flat(results: kit.Results, code: str, law: str) -> dict[str, dict[str, kit.Compared]]:
-    """Deceleration from 90 to 10 % of the speed, beside 5/7 mu_r g; distance rolled, beside u0^2/(2 a)."""
+    """Deceleration from 90 to 10 % of the speed, beside 5/7 mu_r g; distance rolled, beside `stop`."""
     run, found = results[label(law, 0), code], {"deceleration [m/s2]": {}, "stopping distance [m]": {}}
     for k, (u0, mu) in enumerate(ROLLS):
         x, u = run.trace["position"][:, k, 0], speed(run, k)
@@ -56,8 +75,18 @@ def flat(results: kit.Results, code: str, law: str) -> dict[str, dict[str, kit.C
         slope = np.polyfit(run.trace["time"][moving], u[moving], 1)[0]
         where = f"u0 = {u0:g} m/s, mu_r = {mu:g}"
         found["deceleration [m/s2]"][where] = -float(slope), braking
-        found["stopping distance [m]"][where] = float(x[-1] - x[0]), u0**2 / (2 * braking)
+        found["stopping distance [m]"][where] = float(x[-1] - x[0]), stop(run, law, u0, mu, braking)
     return found
+
+
+def stop(run: Run, law: str, u0: float, mu: float, braking: float) -> float:
+    """Distance [m] in which a sphere stops: u0^2/(2 a), or with the spring and dashpot of `epsd`, which act
+    before the spring has wound up to k_r theta = mu_r N R, k_r = s k_n mu_r^2 R^2, and as it unwinds.
+    """
+    if law not in MORE:
+        return u0**2 / (2 * braking)
+    one, factor = arm(run.scene, 0), MORE[law].get("rolling_stiffness", 2.25)
+    return wound_stop(u0, braking, one.overlap * one.arm / (factor * mu * one.radius), VISCOUS)
 
 
 def sloping(results: kit.Results, code: str, law: str) -> dict[str, kit.Measured]:
@@ -80,8 +109,8 @@ def creep(results: kit.Results, law: str, code: str) -> float:
     return float(np.abs(x[-1] - x[len(x) // 2]).max()) / free
 
 
-def held(results: kit.Results, code: str) -> kit.Measured:
-    return kit.Measured(creep(results, "epsd2", code), note=f"cdt: {creep(results, 'cdt', code):.2g}")
+def held(results: kit.Results, code: str, law: str) -> kit.Measured:
+    return kit.Measured(creep(results, law, code), note=f"cdt: {creep(results, 'cdt', code):.2g}")
 
 
 def _figure(results: kit.Results) -> plots.Figure:
@@ -89,10 +118,10 @@ def _figure(results: kit.Results) -> plots.Figure:
     for law, slope in VARIANTS:
         for code in results.codes(label(law, slope)):
             run, axes = results[label(law, slope), code], right if slope else left
-            time, size = run.trace["time"], {"cdt": 6, "epsd2": 3}[law]
+            time, (line, size) = run.trace["time"], LAWS[law]
             for k in range(len(SHARES if slope else ROLLS)):
                 text = f"mu_r = {SHARES[k]:g} tan(slope)" if slope else f"mu_r = {ROLLS[k][1]:g}"
-                look = plots.line_or_marks(code, len(time), LAWS[law], color=plots.SERIES[k], markersize=size)
+                look = plots.line_or_marks(code, len(time), line, color=plots.SERIES[k], markersize=size)
                 axes.plot(time, speed(run, k), **look, label=text if look["linestyle"] == "-" else None)
                 if not slope:
                     u0, mu = ROLLS[k]
@@ -108,10 +137,10 @@ def _figure(results: kit.Results) -> plots.Figure:
 CASE = kit.Case(
     name="rolling_decay", title="Rolling friction: roll-out and slope",
     purpose="Rolling friction decelerates a sphere on a floor at 5/7 mu_r g and stops it after 7 u0^2/(10"
-    " mu_r g) under both laws: the torque of constant size `cdt` and the elastic-plastic spring `epsd2`. On"
-    " a slope, from rest, the laws differ: for mu_r above the slope's tangent `epsd2` holds the sphere, as"
-    " its torque has a history; `cdt` has no torque at rest and holds it only by a torque whose sign"
-    " alternates every few steps.",
+    " mu_r g) under all laws: the torque of constant size `cdt` and the elastic-plastic springs `epsd2`,"
+    " `epsd` and `epsd3`, whose dashpot acts below the limit only. On a slope, from rest, they differ: for"
+    " mu_r above the slope's tangent the springs hold the sphere, as their torque has a history; `cdt` has no"
+    " torque at rest and holds it only by a torque whose sign alternates every few steps.",
     source="Rigid-body mechanics; laws: Ai, Chen, Rotter and Ooi, Powder Technol. 206 (2011) 269, A and C.",
     variants=lambda tier: [kit.Variant(label(law, slope), scene(law, slope)) for law, slope in VARIANTS],
     checks=(
@@ -121,17 +150,23 @@ CASE = kit.Case(
             catches="a rolling torque that is stored, limited or projected differently",
         ),
         *(
-            check
-            for law in LAWS
-            for check in kit.per_quantity(
-                lambda results, code, law=law: flat(results, code, law),
-                {"deceleration [m/s2]":
-                     "a torque other than mu_r N R*, of the wrong sign, or with its part along the normal",
-                 "stopping distance [m]":
-                     "a torque that drives the sphere on, or back, after it has stopped"},
-                f"{law}, on the flat: {{}}, relative error", tolerance=1e-4, against="closed form",
-                reason="rounding for the rate; the oscillation at the stop changes the distance by 2e-5",
+            kit.per_code(
+                f"{law}, on the flat: deceleration, relative error",
+                lambda results, code, law=law: flat(results, code, law)["deceleration [m/s2]"],
+                tolerance=1e-4, against="closed form", reason="rounding",
+                catches="a torque other than mu_r N R*, of the wrong sign, or with its part along the normal",
             )
+            for law in LAWS
+        ),
+        *(
+            kit.per_code(
+                f"{law}, on the flat: stopping distance, relative error",
+                lambda results, code, law=law: flat(results, code, law)["stopping distance [m]"],
+                tolerance=tolerance, against="closed form", reason=reason,
+                catches="a torque that drives the sphere on, or back, after it has stopped; a dashpot beyond"
+                " the limit, or none below it",
+            )
+            for law, (tolerance, reason) in STOPPING.items()
         ),
         *(
             kit.per_code(
@@ -143,18 +178,22 @@ CASE = kit.Case(
             )
             for law in LAWS
         ),
-        kit.per_code(
-            "epsd2, held by the slope: way in the second half / way of a free sphere", held,
-            tolerance=1e-6, against="closed form",
-            reason="at rest but for the oscillation of the two springs, which epsd2 does not damp",
-            catches="a rolling torque that is reset at every step",
+        *(
+            kit.per_code(
+                f"{law}, held by the slope: way in the second half / way of a free sphere",
+                lambda results, code, law=law: held(results, code, law),
+                tolerance=1e-6, against="closed form",
+                reason="at rest but for the oscillation of the two springs, which epsd2 does not damp",
+                catches="a rolling torque that is reset at every step",
+            )
+            for law in SPRINGS
         ),
     ),
     figures=(kit.Figure(
         "Velocity on the flat and from rest on a slope",
-        "Full lines and large marks: cdt; dashed lines and small marks: epsd2. Left: straight lines to"
-        " rest at the rate 5/7 mu_r g (black: closed form). Right: spheres with mu_r above the slope's"
-        " tangent stay at rest, the others accelerate at 5/7 g (sin - mu_r cos).",
+        "Full lines and large marks: cdt; dashed: epsd2; dotted: epsd; dash-dotted and small marks: epsd3."
+        " Left: straight lines to rest at the rate 5/7 mu_r g (black: closed form). Right: spheres with mu_r"
+        " above the slope's tangent stay at rest, the others accelerate at 5/7 g (sin - mu_r cos).",
         _figure,
     ),),
     tables=(kit.table(
@@ -162,7 +201,7 @@ CASE = kit.Case(
         lambda results, code: flat(results, code, "cdt"), rows="sphere",
     ),),
     features=(
-        "rolling cdt", "rolling epsd2", "normal hertz", "tangential history", "rotation", "gravity",
-        "wall plane",
+        "rolling cdt", "rolling epsd2", "rolling epsd", "rolling epsd3", "normal hertz", "tangential history",
+        "rotation", "gravity", "wall plane",
     ), order=44,
 )  # fmt: skip

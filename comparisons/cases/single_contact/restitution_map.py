@@ -1,5 +1,5 @@
 """Restitution over a grid of restitution put in and speed, for three normal laws, with and without
-`limit_force`.
+`limit_force`, and under adhesion.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import numpy as np
 
 from comparisons import kit
 from comparisons.cases.side_by_side import every_pair, floor, traced
+from comparisons.cases.single_contact import adhesive_map
 from comparisons.cases.single_contact.checks import step_by_step
 from comparisons.cases.single_contact.meetings import Meeting, overlap, relative_velocity
 from comparisons.metrics import trace as measure
@@ -245,21 +246,24 @@ CASE = kit.Case(
         " hertz/stiffness is that of viscoelastic spheres, for which restitution decreases with speed: 1 - e"
         " grows as v^(1/5), and all speeds and dampings are on one curve in v*. If the force may become"
         " tensile (limit_force off) and v* exceeds about 2, the contact is overdamped and the sphere sticks"
-        " to the plane."
+        " to the plane. Under jkr (gpudem only) restitution is sqrt(1 - (v_s/v)^2) without damping, and"
+        " nothing slower than the sticking speed v_s, 3.77 (w^5 R^4/E*^2)^(1/6)/m^(1/2), leaves."
     ),
     source=(
         "Antypov and Elliott (2011); Schwager and Poeschel (2007); Mueller and Poeschel (2011) for the"
-        " viscoelastic law; ODE: DOP853."
+        " viscoelastic law; ODE: DOP853; jkr: Thornton and Ning, Powder Technol. 99 (1998) 154."
     ),
     variants=lambda tier: [
         kit.Variant(f"{prefix(law, limit)}{n}", scene(law, limit, n))
         for law in (LAWS[:1] if tier == "quick" else LAWS)
         for limit in (False, True)
         for n in RUNGS[tier]
-    ],
+    ]
+    + adhesive_map.variants(tier),
     checks=(
         *(check for law, limit in itertools.product(LAWS, (False, True)) for check in _checks(law, limit)),
         *VISCOELASTIC,
+        *adhesive_map.CHECKS,
     ),
     figures=(
         kit.Figure(
@@ -274,9 +278,10 @@ CASE = kit.Case(
             " is 1/5 where the loss is small.",
             _speed, tiers=kit.LONG,
         ),
+        *adhesive_map.FIGURES,
     ),
     features=(
-        "normal hertz", "normal hertz/stiffness", "normal hooke", "damping", "limit_force",
+        "normal hertz", "normal hertz/stiffness", "normal hooke", "normal jkr", "damping", "limit_force",
         "several materials", "wall plane",
     ),
     order=24,
