@@ -116,7 +116,7 @@ class Simulation:
         self.step(steps)
 
     def _chunk(self, end: int) -> None:
-        """Steps up to `end`, or to the next removal of a gate, whose set-up the next chunk begins with."""
+        """Steps up to `end`, or to the next change of walls or phase, set up in the next chunk."""
         solver, here = self._solver, self._solver.step_count
         removals = self._removals()
         if here in removals and here > 0:
@@ -126,7 +126,7 @@ class Simulation:
         solver.write_step()
 
     def _removals(self) -> set[int]:
-        return set(self.scene.wall_changes)
+        return set(self.scene.changes)
 
     def _present(self) -> list[Wall]:
         """The walls that are there in the step to come."""

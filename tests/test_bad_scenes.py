@@ -16,6 +16,7 @@ from gpudem.scene import Explicit, Material, Scene, SceneError, checks, model, s
 from gpudem.solver.neighbor_kernels import CACHE_SIZE
 from tests.bad_groups import GROUPS
 from tests.bad_insertions import INSERTIONS, SOURCES
+from tests.bad_phases import PHASES
 from tests.bad_removals import REMOVALS
 from tests.bad_scenes import CONE, CYLINDER, EXPLICIT, FIELDS, GOOD, LATTICE, MESH, MOTIONS, WALLS, WHOLE, Bad
 
@@ -30,7 +31,7 @@ def test_the_good_scene_is_good(tmp_path: Path) -> None:
         assert len(Scene.from_toml(path).wall_elements) == 2
 
 
-ROWS = FIELDS + WHOLE + WALLS + MOTIONS + INSERTIONS + SOURCES + GROUPS + REMOVALS
+ROWS = FIELDS + WHOLE + WALLS + MOTIONS + INSERTIONS + SOURCES + GROUPS + PHASES + REMOVALS
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)

@@ -55,6 +55,13 @@ def essentials(scene: Scene) -> dict[tuple[str, str], float | str]:
     table["physics of the scene", ""] = ", ".join(physics) or "normal contact only"
     if any(scene.gravity):
         table["gravity", "m/s²"] = "({:g}, {:g}, {:g})".format(*scene.gravity)
+    for phase in scene.phases:
+        changed = ["({:g}, {:g}, {:g})".format(*phase.gravity)] if phase.gravity else []
+        changed += [f"{' / '.join(change.materials)}: {change.stated}" for change in phase.pairs]
+        table[f"from {phase.start:g} s on", ""] = ", ".join(changed)
+    if scene.groups:
+        frozen = [f"{group.name} ({len(group.rows(scene))} frozen)" for group in scene.groups]
+        table["groups", ""] = ", ".join(frozen)
     if scene.walls:
         stated = [f"{w.name}{_fate(w)}: {w.material}" for w in scene.wall_elements]
         table["walls", ""] = ", ".join(stated)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from comparisons.metrics import contacts
-from comparisons.metrics.parting import period, walls_at
+from comparisons.metrics.parting import period, state_of
 from gpudem.scene import Scene
 
 #: Particles from which profiles and packing mean something.
@@ -37,14 +37,14 @@ def energies(scene: Scene, trace: Mapping[str, np.ndarray]) -> dict[str, np.ndar
     none.
     """
     mass, radius = scene.masses, scene.state.radius
-    trace = {k: np.nan_to_num(trace[k]) for k in ("position", "velocity", "angular_velocity")}
+    trace = {k: np.nan_to_num(trace[k]) for k in ("step", "position", "velocity", "angular_velocity")}
     inertia = 0.4 * mass * radius**2
     kinetic = 0.5 * ((trace["velocity"] ** 2).sum(axis=2) @ mass)
     rotation = 0.5 * ((trace["angular_velocity"] ** 2).sum(axis=2) @ inertia)
     found = {"kinetic": kinetic + rotation, "rotational": rotation}
-    gravity = np.array(scene.gravity)
+    gravity = scene.gravity_at(trace["step"])
     if not (gravity * period(scene)).any():
-        found["potential"] = -(trace["position"] @ gravity) @ mass
+        found["potential"] = -np.einsum("tij,tj,i->t", trace["position"], gravity, mass)
     return found
 
 
@@ -83,9 +83,7 @@ def _contacts(scene: Scene, part: Mapping[str, np.ndarray]) -> dict[str, float]:
     """
     n, rows = len(scene.state), []
     for k, time in enumerate(part["time"]):
-        state = contacts.find(
-            part["position"][k], scene.state.radius, period(scene), walls_at(scene, float(time))
-        )
+        state = state_of(scene, part["position"][k], float(time))
         share = overlaps(scene, state)
         mean = share.mean() if len(share) else 0.0
         spread = share.std() / mean if mean > 0 else 0.0

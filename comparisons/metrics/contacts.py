@@ -110,27 +110,35 @@ def touching(
 
 
 def find(
-    position: np.ndarray, radius: np.ndarray, period: np.ndarray, walls: Sequence[Surface] = ()
+    position: np.ndarray,
+    radius: np.ndarray,
+    period: np.ndarray,
+    walls: Sequence[Surface] = (),
+    free: np.ndarray | None = None,
 ) -> Contacts:
     """All contacts of a state; `walls` are elementary walls where they are then (`parting.walls_at`).
-    Arguments as in `touching`; particles whose place is NaN are not there.
+    Arguments as in `touching`; particles whose place is NaN are not there. Those that are not `free`, (n,),
+    touch free ones only; by default all are.
     """
+    free = np.ones(len(position), bool) if free is None else free
     there = np.isfinite(position).all(axis=1)
     if not there.all():
         rows = np.flatnonzero(there)
         if not len(rows):
             none = np.zeros((0, 2), int)
             return Contacts(none, np.zeros(0), np.zeros((0, 3)), none, np.zeros(0))
-        found = find(position[rows], radius[rows], period, walls)
+        found = find(position[rows], radius[rows], period, walls, free[rows])
         walled = np.column_stack([rows[found.wall_pairs[:, 0]], found.wall_pairs[:, 1]])
         return dataclasses.replace(found, pairs=rows[found.pairs], wall_pairs=walled)
     pairs, vector = touching(position, radius, period)
+    meet = free[pairs].any(axis=1)
+    pairs, vector = pairs[meet], vector[meet]
     distance = np.linalg.norm(vector, axis=1)
     overlap = radius[pairs].sum(axis=1) - distance if len(pairs) else np.zeros(0)
     rows, depths = [], []
     for k, wall in enumerate(walls):
         depth = radius - wall.gap(position)
-        inside = np.flatnonzero(depth > 0)
+        inside = np.flatnonzero(free & (depth > 0))
         rows.append(np.stack([inside, np.full(len(inside), k)], axis=1))
         depths.append(depth[inside])
     return Contacts(

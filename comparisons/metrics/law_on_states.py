@@ -70,8 +70,8 @@ def judged(scene: Scene, trace: Trace) -> str:
     other = law.normal != "hertz" or law.tangential == "no_history"
     if other or scene.needs.rolling or scene.needs.cohesion or law.frictionless_dashpot:
         return "the law is evaluated only for hertz with history, without rolling friction and cohesion"
-    if scene.needs.vibration or scene.needs.periodic or scene.needs.gate or scene.needs.held:
-        return "the law is evaluated only with walls at rest and without periodic sides"
+    if scene.needs.vibration or scene.needs.periodic or scene.changes or scene.groups:
+        return "the law is evaluated only with walls at rest, without periodic sides, groups and phases"
     return "" if every_step(scene, trace) else "states are not written at every step"
 
 

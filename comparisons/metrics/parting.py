@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from comparisons.metrics import contacts
 from comparisons.metrics.growth import first_beyond
 from gpudem.scene import Scene
+from gpudem.scene.groups import FREE
 from gpudem.scene.motion import Servo
 from gpudem.scene.walls import Wall
 
@@ -109,6 +110,14 @@ def has_servo(wall: Wall) -> bool:
     return any(isinstance(motion, Servo) for motion in wall.motion)
 
 
+def state_of(
+    scene: Scene, position: np.ndarray, walls: float | Sequence[contacts.Surface]
+) -> contacts.Contacts:
+    """All contacts of a state of a scene; `walls`: as `walls_at` has them, or the time [s] for it."""
+    here = walls_at(scene, walls) if isinstance(walls, float) else walls
+    return contacts.find(position, scene.state.radius, period(scene), here, scene.held == FREE)
+
+
 def find(
     scene: Scene, names: tuple[str, str], a: Trace, b: Trace, allowed: Mapping[str, np.ndarray], until: float
 ) -> Parting | None:
@@ -159,7 +168,7 @@ class _Cause:
     def __init__(self, scene, names, a, b, k, found, loads, by_load: bool):
         self.scene, self.names, self.a, self.b, self.k = scene, names, a, b, k
         self.found, self.loads, self.by_load = found, loads, by_load
-        self.weight = scene.masses[:, None] * np.array(scene.gravity)
+        self.weight = scene.masses[:, None] * scene.gravity_at(a["step"][[k]])
         self.kind = max(loads, key=lambda name: loads[name][k].max()) if by_load else "position"
         rows = loads[self.kind][k] if by_load else found["position"][k] + found["speed"][k]
         self.i = int(np.argmax(rows))
@@ -181,7 +190,7 @@ class _Cause:
         walls = walls_at(self.scene, self.a["time"][self.k])
         candidates = {}
         for position in states:
-            state = contacts.find(position, self.radius, self.period, walls)
+            state = state_of(self.scene, position, self.a["time"][self.k])
             for (i, j), normal in zip(state.pairs.tolist(), state.normal, strict=True):
                 if self.i in (i, j):
                     other = j if self.i == i else i
@@ -257,7 +266,7 @@ class _Cause:
         count = 0
         for k in range(self.k - 1, -1, -1):
             walls = walls_at(self.scene, self.a["time"][k])
-            state = contacts.find(self.a["position"][k], self.radius, self.period, walls)
+            state = state_of(self.scene, self.a["position"][k], self.a["time"][k])
             if word == "particle":
                 there = sorted((self.i, int(name) - 1)) in state.pairs.tolist()
             else:
@@ -289,8 +298,6 @@ class _Cause:
             ends = "".join(f", in {who} that of {named[k]}," for who, k in foreign)
             return f"tangential force at the friction limit{ends}"
         previous = self.a["position"][max(self.k - 1, 0)]
-        state = contacts.find(
-            previous, self.radius, self.period, walls_at(self.scene, self.a["time"][self.k])
-        )
+        state = state_of(self.scene, previous, self.a["time"][self.k])
         persisted = self.i in state.pairs or self.i in state.wall_pairs[:, 0]
         return "tangential force (spring)" if persisted else "tangential force at the first touch"

@@ -15,6 +15,7 @@ from comparisons.scene_case import plan as plans
 from comparisons.scene_case.plan import Plan
 from gpudem.output.run import Run
 from gpudem.scene import Scene
+from gpudem.scene.groups import FREE, FROZEN
 from gpudem.scene.time_step import position_spacing
 from gpudem.solver.guards import inserted_energy
 
@@ -280,11 +281,10 @@ def sanity(results: Results, plan: Plan, code: str) -> Sanity:
             parting.walls_at(scene, float(t), {n: w[k] for n, w in ways.items() if np.isfinite(w[k]).all()})
             for k, t in enumerate(part["time"])
         ]
-        states = [
-            contacts.find(x, scene.state.radius, parting.period(scene), here)
-            for x, here in zip(part["position"], walls, strict=True)
-        ]
-        elastic = np.array([elastic_energy(scene, s, here) for s, here in zip(states, walls, strict=True)])
+        states = [parting.state_of(scene, x, here) for x, here in zip(part["position"], walls, strict=True)]
+        elastic = np.array(
+            [elastic_energy(scene, *one) for one in zip(states, walls, part["step"].tolist(), strict=True)]
+        )
         kinetic, brought = bulk.energies(scene, whole)["kinetic"], inserted_energy(scene, part["step"])
         return Sanity(
             part["time"],
@@ -333,21 +333,26 @@ def _busiest(scene: Scene, whole: dict[str, np.ndarray]) -> list[int]:
     """Index of the largest contact force: where the overlap is largest."""
     if "force" not in whole:
         return []
-    weight = scene.masses[:, None] * np.array(scene.gravity)
-    return [int(np.argmax(_norm(whole["force"] - weight).max(axis=1)))]
+    weight = scene.masses[:, None] * scene.gravity_at(whole["step"])[:, None]
+    pull = np.where((scene.held == FREE)[:, None], whole["force"] - weight, 0.0)
+    return [int(np.argmax(_norm(pull).max(axis=1)))]
 
 
-def elastic_energy(scene: Scene, state: contacts.Contacts, walls: Sequence[contacts.Surface]) -> float:
+def elastic_energy(
+    scene: Scene, state: contacts.Contacts, walls: Sequence[contacts.Surface], step: int
+) -> float:
     """Elastic energy [J] of the normal contacts by the scene's law: m* v^2/2 of each overlap."""
-    names, law = list(scene.materials), scene.normal_law
+    names, law, at = list(scene.materials), scene.normal_law, scene.phase_after(step - 1)
     mass, radius = scene.masses.tolist(), scene.state.radius.tolist()
     material, energy = scene.state.material, 0.0
     for (i, j), overlap in zip(state.pairs.tolist(), state.overlap.tolist(), strict=True):
         r, m = radius[i] * radius[j] / (radius[i] + radius[j]), mass[i] * mass[j] / (mass[i] + mass[j])
-        inputs = scene.inputs(names[material[i]], names[material[j]])
+        if FROZEN in (scene.held[i], scene.held[j]):
+            m = mass[j] if scene.held[i] == FROZEN else mass[i]
+        inputs = at.inputs(names[material[i]], names[material[j]])
         energy += 0.5 * m * law.release_speed(inputs, r, m, max(overlap, 0.0)) ** 2
     for (i, k), overlap in zip(state.wall_pairs.tolist(), state.wall_overlap.tolist(), strict=True):
-        inputs = scene.inputs(names[material[i]], walls[k].material)
+        inputs = at.inputs(names[material[i]], walls[k].material)
         energy += 0.5 * mass[i] * law.release_speed(inputs, radius[i], mass[i], overlap) ** 2
     return float(energy)
 
@@ -365,7 +370,8 @@ def _outside(scene: Scene, whole: dict[str, np.ndarray]) -> int:
 def _momentum(scene: Scene, whole: dict[str, np.ndarray]) -> float:
     mass = scene.masses
     total = np.einsum("i,tij->tj", mass, whole["velocity"])
-    fall = mass.sum() * whole["time"][:, None] * np.array(scene.gravity)
+    pull = scene.gravity_at(whole["step"])[1:] * np.diff(whole["time"])[:, None]
+    fall = mass.sum() * np.cumsum(np.concatenate([np.zeros((1, 3)), pull]), axis=0)
     moved = np.linalg.norm(total - total[0] - fall, axis=1)
     scale = (np.linalg.norm(whole["velocity"], axis=2) @ mass).max() + np.linalg.norm(fall, axis=1).max()
     return float(moved.max() / scale) if scale > 0 else 0.0

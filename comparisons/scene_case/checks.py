@@ -99,17 +99,20 @@ def distributions(results: Results, plan: Plan, code: str, other: str) -> Measur
 
 
 def energy_defined(scene: Scene) -> bool:
-    """Whether the energy balance can be computed from positions, velocities and the work of walls."""
-    gravity, periodic = np.array(scene.gravity), np.array(scene.domain.periodic)
-    potential = scene.contact_range == 0 and not scene.needs.cohesion
+    """Whether the energy balance can be computed from positions, velocities and the work of walls.
+
+    Not where gravity changes.
+    """
+    gravity, periodic = np.array([at.gravity for at in scene.phase_scenes]), np.array(scene.domain.periodic)
+    potential = scene.contact_range == 0 and not scene.needs.cohesion and not np.ptp(gravity, axis=0).any()
     vibrating = any(plane.speed > 0 for plane in scene.planes)  # steps back without a time of its own
     return not ((gravity != 0) & periodic).any() and not vibrating and potential
 
 
 def conserved(scene: Scene) -> bool:
-    """Whether the scene conserves energy: neither damping nor tangential or rolling forces, no gate."""
+    """Whether the scene conserves energy: neither damping nor tangential or rolling forces, no change."""
     needs = scene.needs
-    return not (needs.damping or needs.tangential or needs.rolling or needs.gate)
+    return not (needs.damping or needs.tangential or needs.rolling or scene.changes)
 
 
 def each(plan: Plan) -> PerCode:
@@ -137,7 +140,7 @@ def each(plan: Plan) -> PerCode:
         ]  # fmt: skip
         if energy_defined(scene):
             made.append(_energy(plan, code))
-        if not (scene.walls or scene.insert):
+        if not (scene.walls or scene.insert or scene.groups):
             made.append(
                 Check(
                     name=f"momentum, that of gravity taken off: largest change / sum of m |v| ({title})",

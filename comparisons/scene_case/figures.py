@@ -127,10 +127,7 @@ def profiles(results: Results, plan: Plan) -> Figure:
             trace = analysis.trace(run)
             at, height = bulk.height_profile(run.scene, trace["position"][-1], up, flow, 16)
             heights.append(height)
-            walls = parting.walls_at(run.scene, float(trace["time"][-1]))
-            state = contacts.find(
-                trace["position"][-1], run.scene.state.radius, parting.period(run.scene), walls
-            )
+            state = parting.state_of(run.scene, trace["position"][-1], float(trace["time"][-1]))
             share = bulk.overlaps(run.scene, state)
             depths.append(np.quantile(share, quantiles) if len(share) else 0 * quantiles)
         plots.band(left, at, heights, code)
@@ -189,7 +186,7 @@ def sanity(results: Results, plan: Plan) -> pandas.DataFrame:
         found, timing = analysis.sanity(results, plan, code), results[plans.SCENE, code].timing
         defined = checks.energy_defined(plan.scene)
         change = (found.energy - found.energy[0]) / (found.scale if defined and found.scale else math.nan)
-        momentum = found.momentum if not plan.scene.walls else math.nan
+        momentum = found.momentum if not (plan.scene.walls or plan.scene.groups) else math.nan
         rows.append(
             (
                 codes.title(code), float(found.contacts.max()), found.overlap, _known(np.nanmax, change),

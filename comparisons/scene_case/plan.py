@@ -10,6 +10,7 @@ import numpy as np
 
 from comparisons.harness.case import Variant
 from gpudem.scene import Scene
+from gpudem.scene.groups import FREE
 from gpudem.scene.time_step import position_spacing
 
 #: Labels of the variants.
@@ -124,8 +125,9 @@ def perturbed(scene: Scene, size: float, seed: int) -> Scene:
     """
     state, rng = scene.state, np.random.default_rng(seed)
     shift = rng.uniform(-1, 1, state.position.shape) * size
+    shift[scene.held != FREE] = 0.0
     resting = np.ptp(state.position, axis=0) == 0
-    resting &= ~state.velocity.any(axis=0) & (np.array(scene.gravity) == 0)
+    resting &= ~state.velocity.any(axis=0) & ~np.any([at.gravity for at in scene.phase_scenes], axis=0)
     if not state.angular_velocity.any():
         shift[:, resting] = 0.0
     position = np.clip(state.position + shift, scene.domain.lo, scene.domain.hi)

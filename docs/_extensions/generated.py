@@ -66,6 +66,7 @@ def scene_page() -> str:
         insertion,
         mesh,
         motion,
+        phases,
         regions,
         sections,
         sources,
@@ -92,6 +93,8 @@ def scene_page() -> str:
             for kind, section in distributions.DISTRIBUTIONS.items()
         },
         "[[groups]]": groups.Group,
+        "[[phases]]": phases.Phase,
+        "[[phases.pairs]]": phases.PairChange,
         **{f'[[walls]] with kind = "{kind}"': section for kind, section in wall_kinds.BUILT_IN.items()},
         "Vibration of a plane": walls.Vibration,
         "The turn of a mesh into its place": mesh.Placement,

@@ -201,6 +201,8 @@ def _side_of(plane: Plane) -> int | None:
 def _unsupported_features(scene: Scene, guard: float, tangential: float | None) -> list[str]:
     """What the scene or the options ask for and hard spheres do not have, one line each."""
     found: list[str] = []
+    if scene.phases:
+        found.append("phases: hard spheres have one gravity and one set of pairs")
     if scene.groups:
         found.append("groups: hard spheres all move freely")
     if scene.insert:

@@ -184,10 +184,13 @@ def _centre(view: View) -> np.ndarray:
 
 @observable("potential_energy", "J")
 def potential_energy(view: View) -> float:
-    """Of gravity, counted from the origin: - sum of m g . x; x follows particles through periodic sides."""
+    """Of gravity, counted from the origin: - sum of m g . x; x follows particles through periodic sides.
+
+    At the start of a phase with the gravity before it.
+    """
     if not len(view):
         return 0.0
-    return -float(view.total("mass") * (_centre(view) @ np.array(view.scene.gravity)))
+    return -float(view.total("mass") * (_centre(view) @ view.scene.gravity_at(np.array([view.step]))[0]))
 
 
 @observable("contacts", "1", integer=True)

@@ -5,6 +5,7 @@ from gpudem.scene.groups import Group
 from gpudem.scene.insertion import InsertList
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.model import Scene
+from gpudem.scene.phases import PairChange, Phase
 from gpudem.scene.round_walls import Cone, Cylinder
 from gpudem.scene.sections import (
     Contact,
@@ -39,6 +40,8 @@ __all__ = [
     "Needs",
     "Output",
     "Pair",
+    "PairChange",
+    "Phase",
     "Plane",
     "RadiusShare",
     "Scene",

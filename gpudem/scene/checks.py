@@ -14,7 +14,7 @@ import numpy as np
 from gpudem.contact import registry
 from gpudem.contact.law import AdhesiveLaw, RollingLaw
 from gpudem.errors import GpudemError
-from gpudem.scene import groups, law_parameters, removal, wall_checks
+from gpudem.scene import groups, law_parameters, phases, removal, wall_checks
 from gpudem.scene.overlaps import MAX_START_OVERLAP, find_overlaps, lattice_within
 from gpudem.scene.scene_warnings import rounded_times, unexpected, without_effect
 from gpudem.scene.sections import MAX_PARTICLES
@@ -30,6 +30,8 @@ from gpudem.scene.time_step import (
 
 if TYPE_CHECKING:
     from gpudem.scene.model import Scene
+    from gpudem.scene.phases import PairChange
+    from gpudem.scene.sections import Pair
 
 #: Largest time step: share of the Rayleigh time, and of the contact time (5 steps in a contact).
 MAX_RAYLEIGH, MAX_CONTACT = 0.5, 0.2
@@ -60,14 +62,15 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
     walls = run_check(_wall_materials, "materials", "walls")
     pairs = run_check(_pair_materials, "materials", "pairs")
     pairs = run_check(law_parameters.problems, "pairs", "contact") and pairs
+    pairs = pairs and run_check(phases.problems, "phases", "time")
     domain = run_check(_domain, "domain")
     walls = walls and run_check(wall_checks.meshes, "walls")
     walls = walls and domain and run_check(wall_checks.statements, "walls", "domain")
     if walls:
         run_check(removal.problems, "walls", "domain")
     units = run_check(_material_units, "materials", "allow")
-    units = run_check(_gravity_units, "gravity", "allow") and units
-    run_check(_pair_units, "pairs", "allow")
+    units = run_check(_gravity_units, "gravity", "phases", "allow") and units
+    run_check(_pair_units, "pairs", "phases", "allow")
     speed = run_check(_speed_units, "contact", "allow")
     run_check(_duration, "time")
     drawn = any(isinstance(insert, Source) for insert in scene.insert)
@@ -339,11 +342,14 @@ def _above(key: str, value: float | None, usual: float, unit: str) -> list[str]:
 def _pair_units(scene: Scene) -> list[str]:
     if "unusual_units" in scene.allow:
         return []
+    stated: dict[str, Pair | PairChange] = {f"pairs[{i}]": pair for i, pair in enumerate(scene.pairs)}
+    for k, phase in enumerate(scene.phases):
+        stated |= {f"phases[{k}].pairs[{i}]": change for i, change in enumerate(phase.pairs)}
     return [
         problem
-        for i, pair in enumerate(scene.pairs)
+        for where, pair in stated.items()
         for key in ("friction", "rolling_friction")
-        for problem in _above(f"pairs[{i}].{key}", getattr(pair, key), 10, "[1]")
+        for problem in _above(f"{where}.{key}", getattr(pair, key), 10, "[1]")
     ]
 
 
@@ -355,10 +361,16 @@ def _speed_units(scene: Scene) -> list[str]:
 
 
 def _gravity_units(scene: Scene) -> list[str]:
-    largest = max(map(abs, scene.gravity))
-    if largest <= 5000 or "unusual_units" in scene.allow:
+    stated = {"gravity": scene.gravity}
+    stated |= {f"phases[{k}].gravity": phase.gravity for k, phase in enumerate(scene.phases) if phase.gravity}
+    largest = {key: max(map(abs, gravity)) for key, gravity in stated.items()}
+    if "unusual_units" in scene.allow:
         return []
-    return [f"gravity = {largest:g} m/s2: {largest:g} mm/s2 is {largest / 1e3:g} m/s2; {_WAIVE_UNITS}"]
+    return [
+        f"{key} = {g:g} m/s2: {g:g} mm/s2 is {g / 1e3:g} m/s2; {_WAIVE_UNITS}"
+        for key, g in largest.items()
+        if g > 5000
+    ]
 
 
 def _radius_units(scene: Scene) -> list[str]:

@@ -24,6 +24,10 @@ def problems(scene: Scene) -> list[str]:
     found = _section("contact", scene.contact, [p for p in declared if p.where == "contact"])
     for i, pair in enumerate(scene.pairs):
         found += _section(f"pairs[{i}]", pair, [p for p in declared if p.where == "pair"])
+    for k, phase in enumerate(getattr(scene, "phases", ())):
+        for i, change in enumerate(phase.pairs):
+            key = f"phases[{k}].pairs[{i}]"
+            found += _section(key, change, [p for p in declared if p.where == "pair"])
     for law in laws:
         for parameter in law.parameters:
             stated = scene.contact.model_extra or {}

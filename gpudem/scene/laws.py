@@ -37,9 +37,9 @@ def contact_groups(scene: Scene) -> dict[LawNames, list[PairInputs]]:
 
 
 def _meetings(scene: Scene, ours: Collection[str], partners: Collection[str]) -> list[PairInputs]:
-    """Inputs of the stated pairs of a material of particles and a partner."""
+    """Inputs, in every phase, of the stated pairs of a material of particles and a partner."""
     pairs = (pair for pair in scene.contact_pairs if _meet(pair.materials, ours, partners))
-    return [scene.inputs(*pair.materials) for pair in pairs]
+    return [at.inputs(*pair.materials) for pair in pairs for at in scene.phase_scenes]
 
 
 def _meet(materials: tuple[str, str], ours: Collection[str], partners: Collection[str]) -> bool:

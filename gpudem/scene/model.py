@@ -7,6 +7,7 @@ The sections and their keys are in `gpudem.scene.sections`.
 
 from __future__ import annotations
 
+import bisect
 import dataclasses
 import functools
 import hashlib
@@ -23,13 +24,14 @@ from gpudem.contact import registry
 from gpudem.contact.law import Law, NormalLaw, PairInputs
 from gpudem.contact.names import LawNames
 from gpudem.errors import SceneError
-from gpudem.scene import checks, files, groups, insertion, laws, overlaps, removal, time_step
+from gpudem.scene import checks, files, groups, insertion, laws, overlaps, phases, removal, time_step
 from gpudem.scene.groups import Group
 from gpudem.scene.insertion import Inserted, InsertSection
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.motion import Servo
 from gpudem.scene.packing import InitialState, lattice
 from gpudem.scene.particle_files import ParticleFile, read_particles
+from gpudem.scene.phases import Phase
 from gpudem.scene.removal import Exit
 from gpudem.scene.sections import (
     LATER_OF_CONTACT,
@@ -104,6 +106,8 @@ class Scene(Model):
     """Particles inserted during the run."""
     groups: tuple[Group, ...] = ()
     """Particles that contacts do not move."""
+    phases: tuple[Phase, ...] = ()
+    """Gravity and contact properties that change during the run."""
     gravity: Annotated[Vector, vector("m/s2")] = (0.0, 0.0, 0.0)
     """Acceleration of gravity [m/s2]."""
     walls: tuple[WallSection, ...] = ()
@@ -220,6 +224,8 @@ class Scene(Model):
         data["insert"] = [_hashed(columns, digest) for columns in self._insertion_columns()]
         if not self.insert:
             del data["insert"]
+        if not self.phases:
+            del data["phases"]
         del data["groups"]
         if self.groups:
             data["held"] = _hashed(self.held, digest)
@@ -397,6 +403,25 @@ class Scene(Model):
         }
         return found
 
+    @functools.cached_property
+    def phase_scenes(self) -> tuple[Scene, ...]:
+        """The scene as it is from the start on and in each of its phases: gravity and pairs."""
+        return phases.scenes(self)
+
+    @functools.cached_property
+    def phase_steps(self) -> list[int]:
+        """The step at which each phase starts, ascending."""
+        return [self.steps(phase.start) for phase in self.phases]
+
+    def phase_after(self, step: int) -> Scene:
+        """The one of `phase_scenes` that holds in the steps after this one."""
+        return self.phase_scenes[bisect.bisect_right(self.phase_steps, step)]  # mutate: phase_of_step
+
+    def gravity_at(self, steps: np.ndarray) -> np.ndarray:
+        """Gravity [m/s2] in each of these steps, shape (k, 3); at the start of a phase still that before."""
+        table = np.array([scene.gravity for scene in self.phase_scenes])
+        return table[np.searchsorted(self.phase_steps, np.asarray(steps), side="left")]
+
     def inputs(self, a: str, b: str) -> PairInputs:
         """Primary inputs of two materials. Raises KeyError where the scene states no such pair."""
         pair = self.pair(a, b)
@@ -477,7 +502,7 @@ class Scene(Model):
             rolling=rolling,
             rotation=tangential or rolling or bool(np.any(state.angular_velocity)),
             damping=any(names.normal_law.dissipates(p) for names, pairs in groups.items() for p in pairs),
-            gravity=any(self.gravity),
+            gravity=any(any(scene.gravity) for scene in self.phase_scenes),
             walls=bool(self.walls),
             gate=any(w.begin > 0 or w.end is not None for w in self.wall_elements),
             vibration=any(w.moves for w in self.wall_elements),
@@ -517,18 +542,18 @@ class Scene(Model):
 
     @property
     def segments(self) -> list[tuple[int, int, list[Wall]]]:
-        """(first step, last step, walls present) between changes of the walls; forces are set up
+        """(first step, last step, walls present) between changes of walls and phases; forces are set up
         anew at each.
         """
         walls = self.wall_elements
-        edges = [0, *(e for e in self.wall_changes if e < self.n_steps), self.n_steps]
+        edges = [0, *(e for e in self.changes if e < self.n_steps), self.n_steps]
         return [(a, b, [w for w in walls if self.is_present(w, a)]) for a, b in itertools.pairwise(edges)]
 
     @functools.cached_property
-    def wall_changes(self) -> list[int]:
-        """Steps after the start at which a wall comes or goes, ascending."""
+    def changes(self) -> list[int]:
+        """Steps after the start at which a wall comes or goes, or a phase starts, ascending."""
         times = [t for w in self.wall_elements for t in (w.begin, w.end) if t is not None]
-        return sorted({self.steps(t) for t in times} - {0})
+        return sorted({*(self.steps(t) for t in times), *self.phase_steps} - {0})
 
     @functools.cached_property
     def wall_paths(self) -> dict[str, WallPath]:

@@ -240,6 +240,7 @@ def rounded_times(scene: Scene) -> list[str]:
         *_intervals(scene),
         *(s for wall in scene.walls for s in _presence(scene, wall)),
         *_insertions(scene),
+        *_phases(scene),
     ]
 
 
@@ -274,6 +275,16 @@ def _insertions(scene: Scene) -> Iterator[str]:
     if late:
         last = end * scene.time.step
         yield f"insert: {late} particles would be inserted after the end of the run, {last:.6g} s"
+
+
+def _phases(scene: Scene) -> Iterator[str]:
+    """Starts of phases that are rounded, or that the run does not reach."""
+    for k, (phase, step) in enumerate(zip(scene.phases, scene.phase_steps, strict=True)):
+        stated, actual = f"phases[{k}].start = {phase.start:g} s", step * scene.time.step
+        if step >= scene.n_steps:
+            yield f"{stated}: never, the run takes {scene.n_steps * scene.time.step:.6g} s"
+        elif abs(actual - phase.start) > ROUNDING * phase.start:
+            yield f"{stated}: rounded to step {step}, {actual:.6g} s"
 
 
 def _intervals(scene: Scene) -> Iterator[str]:

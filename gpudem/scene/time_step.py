@@ -49,7 +49,7 @@ def top_speed(scene: Scene) -> float:
     At a moving wall twice its speed more, which an elastic hit adds.
     """
     size = np.abs(np.array(scene.domain.hi) - np.array(scene.domain.lo))
-    fall = math.sqrt(2 * float(np.abs(scene.gravity) @ size))
+    fall = math.sqrt(2 * max(float(np.abs(at.gravity) @ size) for at in scene.phase_scenes))
     own = max(float(np.linalg.norm(scene.state.velocity, axis=1).max()), fall if scene.walls else 0.0)
     return own + 2 * max(scene.wall_speeds, default=0.0)  # mutate: hit_by_moving_wall
 
@@ -83,11 +83,12 @@ def _contact_pairs(scene: Scene) -> Iterator[tuple[NormalLaw, PairInputs, float,
             r = radius * smallest[partner] / (radius + smallest[partner])
             m = mass(name) * mass(partner) / (mass(name) + mass(partner))
             smaller = min(radius, smallest[partner])
-            inputs = scene.inputs(name, partner)
-            yield usual, inputs, r, m, at_least_released(usual, inputs, r, m, smaller, 2 * speed)
+            for inputs in (at.inputs(name, partner) for at in scene.phase_scenes):
+                yield usual, inputs, r, m, at_least_released(usual, inputs, r, m, smaller, 2 * speed)
         for partner, normal in walls:
-            law, inputs, m = registry.law("normal", normal), scene.inputs(name, partner), mass(name)
-            yield law, inputs, radius, m, at_least_released(law, inputs, radius, m, radius, speed)
+            law, m = registry.law("normal", normal), mass(name)
+            for inputs in (at.inputs(name, partner) for at in scene.phase_scenes):
+                yield law, inputs, radius, m, at_least_released(law, inputs, radius, m, radius, speed)
 
 
 def contact_time(scene: Scene) -> float:

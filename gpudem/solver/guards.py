@@ -63,7 +63,8 @@ def inserted_energy(scene: Scene, steps: np.ndarray) -> np.ndarray:
     state, mass, first = scene.state, scene.masses, scene.start_count
     kinetic = mass * (state.velocity**2).sum(axis=1)
     kinetic += 0.4 * mass * state.radius**2 * (state.angular_velocity**2).sum(axis=1)
-    brought = 0.5 * kinetic - mass * (state.position @ np.array(scene.gravity))
+    gravity = scene.gravity_at(scene.arrival_steps)
+    brought = 0.5 * kinetic - mass * np.sum(state.position * gravity, axis=1)
     total = np.concatenate([[0.0], np.cumsum(brought[first:])])
     return total[np.searchsorted(scene.arrival_steps[first:], steps, side="right")]
 
@@ -73,11 +74,11 @@ def energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]
 
     What inserted particles bring is taken off. Scale: the kinetic energy at the start and the energy of a
     fall by one diameter. Particles that overlap at the start release elastic energy: a growth within that has
-    its own cause, and another sentence. Scenes with walls that move or that come in the run, which do work,
-    and those that waive the check of start overlaps, or with cohesion or adhesion, whose energy is not in the
-    history, or with open sides, through which energy leaves, are left out.
+    its own cause, and another sentence. Scenes with walls that move or that come in the run, or with phases,
+    which do work, and those that waive the check of start overlaps, or with cohesion or adhesion, whose
+    energy is not in the history, or with open sides, through which energy leaves, are left out.
     """
-    driven = scene.needs.vibration or any(wall.begin > 0 for wall in scene.wall_elements)
+    driven = scene.needs.vibration or any(wall.begin > 0 for wall in scene.wall_elements) or scene.phases
     attracted = scene.needs.cohesion or scene.contact_range > 0
     closed = scene.needs.damping and not (driven or attracted or scene.exits) and "overlap" not in scene.allow
     if history is None or not closed or len(history) < 2:

@@ -81,6 +81,7 @@ class Solver:
         self.params = self._params()
         self._choose_order(scene.state.position)
         self.pool = CpuThreadPool(self.state.present, self.params.block, self.device, threads)
+        self._phase = scene.phase_scenes[0]
         self.laws = self._laws()
         self.neighbors = NeighborList(scene, self.state, self.params, self.pool)
         self.neighbors.on_reallocate = self._invalidate_launches
@@ -130,19 +131,21 @@ class Solver:
         return p
 
     def _laws(self) -> Any:
-        """Coefficients of every pair of particle materials, and of every wall with each of them."""
+        """Coefficients of every pair of particle materials, and of every wall with each of them, in the
+        present phase.
+        """
         scene, device = self.scene, self.device
         laws = laws_struct(self.spec)()
         Pair = type(laws.pair)
 
-        usual, own = self.spec.law_names[0], scene.wall_laws
+        usual, own, inputs = self.spec.law_names[0], scene.wall_laws, self._phase.inputs
 
         def entries(partners: list[tuple[str, LawNames]]) -> list[Any]:
             found = []
             for partner, names in partners:
                 for name in scene.particle_materials:
                     entry = Pair()
-                    for field, value in pair_coefficients(names.laws, scene.inputs(name, partner)).items():
+                    for field, value in pair_coefficients(names.laws, inputs(name, partner)).items():
                         setattr(entry, field, value)
                     found.append(entry)
             return found
@@ -251,6 +254,7 @@ class Solver:
 
     def _set_walls(self, present: list[Wall] | None) -> None:
         """Walls that get into contact from now on; all of them by default."""
+        self._set_phase()
         here = self.scene.wall_elements if present is None else present
         self._meshes_present = [wall.name for wall in here if wall in self.scene.meshes]
         self.walls = wall_table(self.state, self.scene, self.chunk, here)
@@ -258,6 +262,14 @@ class Solver:
         self._motion.attach(self.walls, here)
         self._invalidate_launches()
         self.neighbors.set_walls(self.walls)
+
+    def _set_phase(self) -> None:
+        """Gravity and coefficients of the steps to come; launches are recorded anew after it."""
+        phase = self.scene.phase_after(self.step_count)
+        self.params.gravity = self.state.types.vec3(*phase.gravity)
+        if phase.pairs != self._phase.pairs:
+            self._phase = phase
+            self.laws = self._laws()  # mutate: laws_of_phase
 
     def _forget_triangles(self) -> None:
         """LIGGGHTS loses the springs of all meshes where one comes or goes: it states their wall anew."""
@@ -461,9 +473,9 @@ class Solver:
                 array.assign(saved[name])
         for path, row in zip(self._motion.servos.values(), saved.get("servo", ()), strict=True):
             path.state[:], path.listed[:] = row[:-2], row[-2:]  # mutate: restart_servo
-        self._set_walls(walls)
         # mutate: restart_counts
         self.step_count, self.neighbors.rebuilds, self._needs_rebuild = counts[0], counts[1], bool(counts[2])
+        self._set_walls(walls)
         self._rebuilds_seen = counts[1]
         if self._motion:
             self._motion.list_made(int(saved["list_step"]))  # mutate: list_step_at_restart

@@ -61,19 +61,21 @@ def switches(scene: Scene, wall: Wall | None = None) -> str:
     return " ".join(words)
 
 
-def properties(scene: Scene) -> list[tuple[str, str]]:
-    """(name, values) of every `fix property/global` that the contact model reads.
+def properties(scene: Scene, phase: Scene | None = None) -> list[tuple[str, str]]:
+    """(name, values) of every `fix property/global` that the contact model reads, at the start or in a phase.
 
     One atom type per material of the scene, in order of statement, walls' materials included.
     """
-    kinds = len(scene.materials)
+    kinds, phase = len(scene.materials), phase or scene.phase_scenes[0]
     found: list[tuple[str, str]] = []
 
     def per_type(name: str, value: Callable[..., float]) -> None:
         found.append((name, f"peratomtype {' '.join(repr(value(m)) for m in scene.materials.values())}"))
 
     def per_pair(name: str, value: Callable[[Pair], float], filler: float) -> None:
-        rows = [_pair_value(scene, a, b, value, filler) for a in scene.materials for b in scene.materials]
+        rows = [
+            _pair_value(scene, phase, a, b, value, filler) for a in scene.materials for b in scene.materials
+        ]
         found.append((name, f"peratomtypepair {kinds} {' '.join(repr(v) for v in rows)}"))
 
     def of_law(law: Law) -> None:
@@ -106,11 +108,13 @@ def pairs_of(scene: Scene, law: Law) -> list[Pair]:
     return [p.pair for names, inputs in groups if law in names.laws for p in inputs if law.acts(p)]
 
 
-def _pair_value(scene: Scene, a: str, b: str, value: Callable[[Pair], float], filler: float) -> float:
+def _pair_value(
+    scene: Scene, phase: Scene, a: str, b: str, value: Callable[[Pair], float], filler: float
+) -> float:  # fmt: skip
     """LIGGGHTS wants a complete symmetric matrix; pairs that cannot meet (wall with wall) get the `filler`.
 
     The filler is the value without effect: restitution 1 (no damping; 0 is refused), friction and stiffness
     0.
     """
-    pair = scene.pair(a, b)
+    pair = phase.pair(a, b)
     return value(pair) if pair is not None and scene.can_touch(a, b) else filler

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import hashlib
+import itertools
 import math
 from pathlib import Path
 from typing import Any
@@ -97,7 +98,7 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "soft": any(m.young < SOFT for m in scene.materials.values()),
         "properties": properties(scene), "model": model(scene), "switches": switches(scene),
         "processors": processors(scene, ranks) if ranks > 1 else None,
-        "gravity": math.sqrt(math.fsum(c * c for c in scene.gravity)),
+        "gravity": gravity_words(scene.gravity), "phases": phases(scene),
         "thermo_stride": thermo_stride(scene), "frame_stride": scene.frame_stride,
         "trace_stride": scene.stride(scene.output.trace_every),
         "data_file": DATA if scene.start_count else None, "raw": RAW, "trace_file": TRACE,
@@ -147,6 +148,32 @@ def _of_meshes(scene: Scene, first: Segment) -> dict[str, Any]:
         "first_meshes": [mesh.name for mesh in scene.meshes if mesh.name in first.walls],
         "mesh_model": model(scene, scene.meshes[0]), "mesh_switches": switches(scene, scene.meshes[0]),
     }  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class PhaseWords:
+    """What is stated anew before a run."""
+
+    gravity: str | None
+    properties: dict[int, tuple[str, str]]
+    """Number of the property, from 1 -> name and values."""
+
+
+def gravity_words(gravity: tuple[float, float, float]) -> str:
+    """Magnitude [m/s2] and direction; LIGGGHTS wants a direction for 0 too."""
+    size, number = math.sqrt(math.fsum(c * c for c in gravity)), walls.number
+    return f"{number(size)} vector {' '.join(number(c) for c in (gravity if size else (0.0, 0.0, -1.0)))}"
+
+
+def phases(scene: Scene) -> list[PhaseWords]:
+    """What changes before each run but the first."""
+    found, parts = [], [scene.phase_after(first) for first, _, _ in scene.segments]
+    for before, after in itertools.pairwise(parts):
+        old, new = properties(scene, before), properties(scene, after)
+        changed = {k: b for k, (a, b) in enumerate(zip(old, new, strict=True), 1) if a != b}
+        gravity = None if before.gravity == after.gravity else gravity_words(after.gravity)
+        found.append(PhaseWords(gravity, changed))  # mutate: words_of_phase
+    return found
 
 
 def history_columns(scene: Scene) -> list[str]:

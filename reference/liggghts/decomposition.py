@@ -24,7 +24,7 @@ def processors(scene: Scene, ranks: int) -> tuple[int, int, int]:
     compete.
     """
     gated = {k for wall in scene.wall_elements if wall.end is not None for k in _thin(wall)}
-    falling = {k for k in range(3) if scene.gravity[k] != 0}
+    falling = {k for k in range(3) if any(phase.gravity[k] != 0 for phase in scene.phase_scenes)}
     counts = range(1, ranks + 1)
     grids = [g for g in itertools.product(counts, counts, counts) if math.prod(g) == ranks]
     allowed = [g for g in grids if all(g[k] == 1 for k in gated | falling)]

@@ -194,7 +194,8 @@ def history(scene: Scene, blocks: list[list[str]], raw: Path) -> pandas.DataFram
         centre = np.divide(centre, mass[:, None], out=np.full_like(centre, np.nan), where=mass[:, None] > 0)
         column |= {f"centre_{axis}": centre[:, k] for k, axis in enumerate("xyz")}
         column["front_x"] = np.where(mass > 0, column["front_x"], np.nan)
-    column["potential_energy"] = -mass * (np.nan_to_num(centre) @ np.array(scene.gravity))
+    gravity = scene.gravity_at(column["step"])
+    column["potential_energy"] = -mass * np.sum(np.nan_to_num(centre) * gravity, axis=1)
     column["contacts"] = column["contacts"].round().astype(np.int64)
     column.setdefault("rotational_energy", np.zeros(len(rows)))
     if scene.meshes and "mesh_contacts" not in names:

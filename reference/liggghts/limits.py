@@ -61,7 +61,7 @@ def warnings(scene: Scene) -> list[str]:
     groups = scene.contact_groups.items()
     with_history = [pairs for names, pairs in groups if acting(names, pairs).history]
     without = [p.pair for pairs in with_history for p in pairs if p.pair.friction == 0] if at_setup else []
-    if without and (scene.needs.gate or scene.start_overlap > 0):
+    if without and (len(scene.segments) > 1 or scene.start_overlap > 0):
         names = ", ".join(dict.fromkeys(" / ".join(pair.materials) for pair in without))
         found.append(
             f"pairs {names}: friction = 0 beside pairs with friction: LIGGGHTS applies its tangential dashpot"

@@ -45,6 +45,8 @@ def facts(scene: Scene) -> contract.SceneFacts:
     for wall in scene.wall_elements:
         for key in wall.given_keys("contact", "motion", "surface_velocity", "present"):
             raise CannotState(f"walls.{wall.name}.{key}: scene.json has no such property of a wall")
+    if scene.phases:
+        raise CannotState("phases: scene.json has one gravity and one set of pairs")
     if scene.groups:
         raise CannotState("groups: in scene.json all particles move freely")
     if scene.insert:
