@@ -114,7 +114,7 @@ def state_of(
     scene: Scene, position: np.ndarray, walls: float | Sequence[contacts.Surface]
 ) -> contacts.Contacts:
     """All contacts of a state of a scene; `walls`: as `walls_at` has them, or the time [s] for it."""
-    here = walls_at(scene, walls) if isinstance(walls, float) else walls
+    here = walls_at(scene, walls) if isinstance(walls, float | int) else walls
     return contacts.find(position, scene.state.radius, period(scene), here, scene.held == FREE)
 
 
