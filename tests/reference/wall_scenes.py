@@ -219,7 +219,18 @@ MESHES = {
     "periodic_ridge": lambda: across(
         "periodic_ridge", mesh(**grid(4, 0.1, lambda x, y: 0.2 * np.abs(y))), height=0.0122
     ),
+    "periodic_drum": lambda: periodic_drum(),
 }
+
+
+def periodic_drum() -> Scene:
+    """A ball that slides along a drum of 24 facets which turns, and across the periodic sides at its ends."""
+    turn = {"type": "rotate", "axis": (0, 1, 0), "point": (0, 0, 0), "period": 0.1}
+    scene = rolling(
+        "periodic_drum", mesh(motion=[turn], **cylinder(0.03, 24, half=0.05)), steps=3000,
+        position=[[0.0001, 0.046, 0.00298 - 0.03]], velocity=[[0.0, 0.8, 0.0]], spin=[[0, 0, 0]],
+    )  # fmt: skip
+    return scene.replace(domain={"periodic": (False, True, False)})
 
 
 def objects(shape: np.ndarray, count: int, seed: int, jitter: float = 0.0) -> Scene:
