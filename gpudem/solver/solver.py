@@ -78,6 +78,7 @@ class Solver:
         if rebuild_in_graph is None:
             self.rebuild_in_graph = self.device.is_cuda and wp.is_conditional_graph_supported()
         self.state = State(scene, self.spec, self.device, self.chunk)
+        self._wall_forces: Any = WallForces(self.state) if self.spec.wall_forces else None
         self.params = self._params()
         self._choose_order(scene.state.position)
         self.pool = CpuThreadPool(self.state.present, self.params.block, self.device, threads)
@@ -100,7 +101,6 @@ class Solver:
         self._motion = WallMotion(scene, self.chunk, bool(self.rebuild_in_graph))
         self._meshes = MeshTables(scene, self.state)
         self._rebuilds_seen = 0
-        self._wall_forces: Any = WallForces(self.state) if self.spec.wall_forces else None
         self.walls: Any = None
         self._walls_at = 0
         self._meshes_present: list[str] = []
@@ -181,6 +181,8 @@ class Solver:
     def _invalidate_launches(self) -> None:
         self._launches.clear()
         self._graphs.clear()
+        if self._wall_forces is not None:
+            self._wall_forces.forget_launch()  # mutate: launch_of_forces
 
     # -- the algorithm -------------------------------------------------------------------------------------
 

@@ -16,8 +16,10 @@ from gpudem.solver.mesh_entries import mesh_entry
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import State, structs
 
-#: Partial sums of each wall: enough threads for any device, and 200 kB a wall to download.
+#: Partial sums of each wall at most: enough threads for any device, and 200 kB a wall to download.
 THREADS = 4096
+#: Particles of a partial sum at least: a servo reads the sums in every step, and few are quickly added.
+PARTICLES = 64
 
 
 @functools.cache
@@ -74,23 +76,35 @@ class WallForces:
     """Sums over the entries of the list of a state."""
 
     def __init__(self, state: State):
-        self.state, self.threads = state, min(THREADS, state.n)
-        count = self.threads * state.walls
-        self._force = wp.zeros(count, dtype=wp.vec3d, device=state.device)
-        self._torque = wp.zeros(count, dtype=wp.vec3d, device=state.device)
+        self.state = state
+        self.threads = min(THREADS, -(-state.n // PARTICLES))
+        device, count = state.device, self.threads * state.walls
+        self._force = wp.zeros(count, dtype=wp.vec3d, device=device)
+        self._torque = wp.zeros(count, dtype=wp.vec3d, device=device)
+        self._references = wp.zeros(state.walls, dtype=wp.vec3d, device=device)
+        self._launch: Any = None
+
+    def forget_launch(self) -> None:
+        """Arrays of the state, the particles present or the walls have changed."""
+        self._launch = None
 
     def sums(self, params: Any, walls: Any, references: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(force [N], torque [N m] about the references [m]) on each wall: shapes (m, 3)."""
         state = self.state
-        inputs = [params, self.threads, state.present, state.particles, walls]
-        with quiet():  # the first launch compiles
-            wp.launch(
-                sum_kernel(state.spec), self.threads,
-                inputs=[*inputs, wp.array(references, dtype=wp.vec3d, device=state.device)],
-                outputs=[self._force, self._torque], device=state.device,
-            )  # fmt: skip
+        if self._launch is None:
+            with quiet():  # the first launch compiles
+                self._launch = wp.launch(
+                    sum_kernel(state.spec), self.threads,
+                    inputs=[params, self.threads, state.present, state.particles, walls, self._references],
+                    outputs=[self._force, self._torque], device=state.device, record_cmd=True,
+                )  # fmt: skip
+        if state.device.is_cpu:
+            state.host(self._references)[:] = references
+        else:
+            self._references.assign(references)
+        self._launch.launch()
         shape = (self.threads, state.walls, 3)
-        return tuple(a.numpy().reshape(shape).sum(axis=0) for a in (self._force, self._torque))  # type: ignore[return-value]
+        return tuple(state.host(a).reshape(shape).sum(axis=0) for a in (self._force, self._torque))  # type: ignore[return-value]
 
     def on_triangles(self, count: int) -> np.ndarray:
         """Force on each triangle of the scene [N], (count, 3), summed in order of the list."""

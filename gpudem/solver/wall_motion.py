@@ -90,8 +90,9 @@ class WallMotion:
     def _tables(self, first: int, count: int) -> dict[str, np.ndarray]:
         """The tables of poses in so many steps: shapes (count, m, 3, 3) and (count, m, 3)."""
         walls = self.scene.wall_elements
-        found = {name: np.zeros((count, len(walls), 3)) for name in TABLES}
-        found["rotation"] = np.tile(np.eye(3), (count, len(walls), 1, 1))
+        found: dict[str, np.ndarray] = {name: np.zeros((count, len(walls), 3)) for name in TABLES}
+        found["rotation"] = np.zeros((count, len(walls), 3, 3))
+        found["rotation"][:] = np.eye(3)
         for w, wall in enumerate(walls):
             if w in self.paths:
                 poses = self.paths[w].at(first, count)

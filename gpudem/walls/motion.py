@@ -229,6 +229,10 @@ class WallPath:
         return velocity, spin, center
 
 
+#: The rotation of a wall that does not turn, shape (1, 3, 3).
+_UPRIGHT = np.eye(3)[None]
+
+
 class ServoPath:
     """Poses of a wall that follows the force on it: known for the last step done and the one to come.
 
@@ -239,6 +243,7 @@ class ServoPath:
 
     def __init__(self, servo: Servo, dt: float, liggghts: bool = False):
         self.servo, self.dt, self.liggghts = servo, dt, liggghts
+        self._axis = servo.unit_axis
         #: Of the last step done and of the next one: step, way [m] along the axis, velocity [m/s]; then the
         #: sum of e dt [s] and the last e.
         self.state = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.nan])
@@ -247,23 +252,25 @@ class ServoPath:
 
     def at(self, first: int, count: int) -> Poses:
         """Poses in the steps first .. first + count - 1, of which only those known are told apart."""
-        steps, done = np.arange(first, first + count), int(self.state[0])
-        way = np.where(steps <= done, self.state[1], self.state[3])
-        way = np.where(steps == self.listed[0], self.listed[1], way)
+        done, way, speed, next_way, next_speed, *_ = self.state.tolist()
+        listed, way_listed = self.listed.tolist()
         known = done - int(self.liggghts)  # mutate: servo_in_set_up
-        speed = np.where(steps <= known, self.state[2], self.state[4])
-        axis, zero = self.servo.unit_axis, np.zeros((count, 3))
-        rotation = np.broadcast_to(np.eye(3), (count, 3, 3))
-        return Poses(rotation, way[:, None] * axis, speed[:, None] * axis, zero, zero)
+        ways, speeds = np.empty((count, 1)), np.empty((count, 1))
+        for k, step in enumerate(range(first, first + count)):  # one, step by step: arrays cost more
+            ways[k] = way_listed if step == listed else way if step <= done else next_way
+            speeds[k] = speed if step <= known else next_speed
+        zero = np.zeros((count, 3))
+        return Poses(_UPRIGHT if count == 1 else np.tile(_UPRIGHT, (count, 1, 1)), ways * self._axis,
+                     speeds * self._axis, zero, zero)  # fmt: skip
 
     def list_made(self, step: int) -> None:
         """Keep the place in the step for which a list was made, also when later steps are done."""
-        self.listed[:] = step, self.at(step, 1).shift[0] @ self.servo.unit_axis
+        self.listed[:] = step, self.at(step, 1).shift[0] @ self._axis
 
     def advance(self, step: int, force: np.ndarray) -> None:
         """Step `step` is done, with this force on the wall [N]: the velocity of the next one."""
         servo, (_, _, _, way, speed, total, last) = self.servo, self.state.tolist()
-        error = 1 + float(force @ servo.unit_axis) / servo.target
+        error = 1 + float(force @ self._axis) / servo.target
         total += error * self.dt
         change = 0.0 if np.isnan(last) else (error - last) / self.dt
         wanted = servo.kp * error + servo.ki * total + servo.kd * change

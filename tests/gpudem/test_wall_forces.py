@@ -63,6 +63,18 @@ def test_balls_at_rest(kind, rolling):
     assert not history.work_floor.any()
 
 
+def test_force_of_balls_that_come():
+    """Of which the history has rows before and after: both weights in the end. Detects a sum over the
+    balls and the list of the first row.
+    """
+    come = {"kind": "list", "time": 0.1, "radius": R, "material": "a", "position": [[-0.2, -0.4, 0.0499]]}
+    walls = [floor("mesh"), {"kind": "plane", "name": "side", "point": (-1.5, 0, 0), "normal": (1, 0, 0)}]
+    s = scene(walls, [[0.31, 0.2, 0.0498]], insert=[come], contact={"rolling": "off"})
+    force = vector(gpudem.simulate(s).history, "force", "floor")[:, 2]
+    assert force[2] == pytest.approx(-9.81 * s.masses[0], rel=0.2)
+    assert force[-1] == pytest.approx(-9.81 * s.masses.sum(), rel=0.01)
+
+
 @pytest.mark.parametrize("kind", ["plane", "mesh"])
 def test_friction_on_a_belt(kind):
     """A ball sliding on a belt: the belt is dragged back by mu N, and its work is that force times its speed.
