@@ -2,6 +2,7 @@
 
     python tools/compare_speed.py 39dcc83                        # that commit against the working tree
     python tools/compare_speed.py A B --sizes 5000,20000 --threads 1 --precision mixed
+    python tools/compare_speed.py FOLDER . --device cuda:0       # sources in a folder, on a GPU
 
 Two processes hold one simulation each and take turns, a fraction of a second long, so that what else the
 machine does affects both. Prints a line per bed: median ratio of the times (first commit / second: above 1
@@ -27,8 +28,10 @@ sys.path.insert(0, str(Path(__file__).parent))
 from compare_commits import unpack
 
 
-def serve() -> None:
+def serve(device: str) -> None:
     """The worker: reads "BED N THREADS PRECISION" and then numbers of steps; answers each with a line."""
+    import warp as wp
+
     from comparisons.bench.beds import SKIN, bench_scene
 
     try:
@@ -43,13 +46,14 @@ def serve() -> None:
                 simulation.close()
             bed, n, threads, precision = words
             scene = bench_scene(bed, int(n), 100_000, solver={"skin": SKIN, "precision": precision})
-            simulation = Solver(scene, "cpu", int(threads))
+            simulation = Solver(scene, device, int(threads))
             simulation.start()
             simulation.advance(20)
             answer = sum(simulation.memory_bytes().values()) / int(n)
         else:
             begin = time.perf_counter()
             simulation.advance(int(words[0]))
+            wp.synchronize_device(device)
             answer = time.perf_counter() - begin
         print(json.dumps(answer), flush=True)
 
@@ -57,11 +61,14 @@ def serve() -> None:
 class Worker:
     """A process with the sources of one commit."""
 
-    def __init__(self, commit: str, folder: Path):
-        sources = unpack(commit, folder)
+    def __init__(self, commit: str, folder: Path, device: str):
+        sources = (
+            Path(commit).resolve() if Path(commit).is_dir() and commit != "." else unpack(commit, folder)
+        )
+        path = os.pathsep.join([str(sources), os.environ.get("PYTHONPATH", "")])
         self.process = subprocess.Popen(
-            [sys.executable, str(Path(__file__).resolve()), "--worker"],
-            cwd=sources, env={**os.environ, "PYTHONPATH": str(sources)},
+            [sys.executable, str(Path(__file__).resolve()), "--worker", "--device", device],
+            cwd=sources, env={**os.environ, "PYTHONPATH": path},
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
         )  # fmt: skip
 
@@ -91,18 +98,19 @@ def main() -> None:
     parser.add_argument("--precision", default="float64,mixed")
     parser.add_argument("--turns", type=int, default=25)
     parser.add_argument("--turn-steps", type=float, default=1.5e6, help="particle-steps of a turn")
+    parser.add_argument("--device", default="cpu", help="cpu (default), cuda:0 (without --threads)")
     parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.worker:
-        serve()
+        serve(given.device)
         return
     one, two = (*given.commits, ".")[:2]
     with tempfile.TemporaryDirectory(prefix="commits_") as folder:
-        workers = [Worker(one, Path(folder)), Worker(two, Path(folder))]
+        workers = [Worker(commit, Path(folder), given.device) for commit in (one, two)]
         choices = itertools.product(
             given.precision.split(","),
             given.sizes.split(","),
-            given.threads.split(","),
+            given.threads.split(",") if given.device == "cpu" else ["1"],
             given.beds.split(","),
         )
         for precision, size, threads, bed in choices:
@@ -111,7 +119,8 @@ def main() -> None:
             times = np.array([[w.ask(str(steps)) for w in workers] for _ in range(given.turns)])
             low, middle, high = np.quantile(times[:, 0] / times[:, 1], (0.25, 0.5, 0.75))
             print(
-                f"{precision} {size} {bed} {threads} threads: {middle:.3f} ({low:.3f} to {high:.3f});"
+                f"{precision} {size} {bed} {threads} threads on {given.device}:"
+                f" {middle:.3f} ({low:.3f} to {high:.3f});"
                 f" {memory[0]:.0f} -> {memory[1]:.0f} B a particle",
                 flush=True,
             )

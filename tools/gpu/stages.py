@@ -1,0 +1,228 @@
+"""The stages of a check on a GPU, in turn, under one time budget; each writes its result to OUT at once.
+
+    python tools/gpu/stages.py OUT [--budget 400] [STAGE ...]
+    python tools/gpu/stages.py OUT --rehearse          # on the CPU, small: what can be checked without a GPU
+
+device   Warp, driver, card
+tests    pytest -m gpu
+bench    gpudem bench --device cuda:0: rates of beds by size and precision, bandwidth of memory
+kernels  time of each kernel of a step and of a rebuild
+turns    the sources against those of another commit (pack.sh DIR COMMIT), both in turn
+ncu      Nsight Compute on the step kernel: registers, occupancy, throughput, stalls
+paper    the box of Park et al. (2014) with its real modulus: three gates of 1 500 000 steps
+
+summary.json says of each stage: ended, failed, stopped at its limit, or left out since the budget was spent.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+#: Where pack.sh's other commit was unpacked.
+OTHER = Path(".other")
+#: Stage -> seconds at most; without names, all but `paper` in this order.
+LIMITS = {"device": 60, "tests": 150, "bench": 150, "kernels": 40, "turns": 120, "ncu": 90, "paper": 330}
+DEFAULT = ("device", "tests", "bench", "kernels", "turns", "ncu")
+
+
+def commands(stage: str, out: Path, rehearse: bool) -> list[list[str]]:
+    """What a stage runs, one after the other; nothing where it cannot be rehearsed."""
+    python, device = sys.executable, "cpu" if rehearse else "cuda:0"
+    if stage in ("device", "kernels", "paper"):
+        return [[python, __file__, str(out), "--inside", stage, *(["--rehearse"] if rehearse else [])]]
+    if stage == "tests":
+        chosen = ["--collect-only"] if rehearse else ["-n", "5", "-p", "no:benchmark"]
+        return [
+            [python, "-m", "pytest", "-m", "gpu", "tests/gpudem", "-q", "-p", "no:cacheprovider", *chosen]
+        ]
+    beds = ["--device", device, "--sizes", "500" if rehearse else "5000,120000,1000000"]
+    if stage == "bench":
+        precisions = "mixed" if rehearse else "float64,mixed,float32"
+        size = ["--cores", "1", "--budget", "2e5", "--repeats", "1"] if rehearse else ["--budget", "1e7"]
+        to = ["--no-liggghts", "--precision", precisions, "--out", str(out / "bench.json")]
+        return [[python, "-m", "comparisons", "bench", *beds, *to, *size]]
+    if stage == "turns":
+        size = (
+            ["--turns", "2", "--turn-steps", "1e4", "--threads", "1"] if rehearse else ["--turn-steps", "1e8"]
+        )
+        return [[python, "tools/compare_speed.py", str(OTHER), ".", *beds, *size]] if OTHER.is_dir() else []
+    profile = ["ncu", "--set", "full", "-k", "regex:step", "-s", "40", "-c", "1"]
+    inside = [python, __file__, str(out), "--inside"]
+    return [] if rehearse else [[*profile, *inside, f"steps_{p}"] for p in ("mixed", "float64")]
+
+
+def run(command: list[str], log: Path, seconds: float) -> str:
+    """ended, failed or stopped; what it prints goes to a log and to the terminal."""
+    with log.open("a") as file:
+        file.write(f"$ {' '.join(command)}\n")
+        file.flush()
+        started = log.stat().st_size
+        try:
+            process = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT, start_new_session=True)
+        except FileNotFoundError:
+            file.write(f"{command[0]}: not here\n")
+            return "failed"
+        try:
+            status = "failed" if process.wait(seconds) else "ended"
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+            status = "stopped"
+    print(log.read_text(errors="replace")[started:][-3000:], flush=True)
+    return status
+
+
+def check(stages: list[str], out: Path, budget: float, rehearse: bool) -> list[dict[str, Any]]:
+    """Run the stages while the budget lasts; a stage gets what is left, at most its limit."""
+    began, rows = time.monotonic(), []
+    for stage in stages:
+        start, status = time.monotonic(), "left out: nothing to run"
+        for command in commands(stage, out, rehearse):
+            left = min(LIMITS[stage] - (time.monotonic() - start), budget - (time.monotonic() - began))
+            if left < 1:
+                status = "left out: the budget is spent" if status.startswith("left out") else "stopped"
+                break
+            ended = run(command, out / f"{stage}.log", left)
+            status = ended if status in ("left out: nothing to run", "ended") else status
+        rows.append({"stage": stage, "status": status, "seconds": round(time.monotonic() - start, 1)})
+        (out / "summary.json").write_text(json.dumps(rows, indent=1))
+        print(f"== {stage}: {status}, {rows[-1]['seconds']} s", flush=True)
+    return rows
+
+
+# -- what runs inside a process of its own -------------------------------------------------------------------
+
+
+def device_stage(out: Path, device: str) -> None:
+    """The machine."""
+    import warp as wp
+
+    wp.init()
+    found = wp.get_device(device)
+    facts: dict[str, Any] = {"warp": wp.config.version, "device": device, "name": found.name}
+    if found.is_cuda:
+        facts |= {"arch": found.arch, "memory_bytes": found.total_memory,
+                  "graphs_can_branch": wp.is_conditional_graph_supported()}  # fmt: skip
+        smi = [
+            "nvidia-smi",
+            "--query-gpu=name,driver_version,clocks.sm,clocks.mem,power.limit",
+            "--format=csv",
+        ]
+        facts["nvidia_smi"] = subprocess.run(smi, capture_output=True, text=True, check=False).stdout
+    (out / "device.json").write_text(json.dumps(facts, indent=1))
+    print(json.dumps(facts))
+
+
+def kernels_stage(out: Path, device: str) -> None:
+    """Microseconds of each kernel, launched one by one, over steps and one rebuild."""
+    import warp as wp
+
+    rows = []
+    for precision in ("mixed", "float64"):
+        solver = bed(1_000_000 if device != "cpu" else 500, precision, device, one_by_one=True)
+        wp.timing_begin(cuda_filter=wp.TIMING_ALL)
+        solver.advance(100)
+        total: dict[str, list[float]] = {}
+        for found in wp.timing_end():
+            total.setdefault(found.name, []).append(found.elapsed)
+        rows += [
+            {"precision": precision, "kernel": name, "launches": len(ms), "us": 1e3 * sum(ms) / len(ms)}
+            for name, ms in sorted(total.items(), key=lambda item: -sum(item[1]))
+        ]
+        solver.close()
+        (out / "kernels.json").write_text(json.dumps(rows, indent=1))
+    for r in rows[:24]:
+        print(f"{r['precision']} {r['us']:9.1f} us {r['launches']:4d} {r['kernel'][:60]}")
+
+
+def steps_stage(precision: str, device: str) -> None:
+    """A few launches for the profiler."""
+    bed(1_000_000, precision, device, one_by_one=True).advance(60)
+
+
+def bed(count: int, precision: str, device: str, one_by_one: bool) -> Any:
+    """The flowing bed of the bench, some steps on."""
+    from comparisons.bench.beds import SKIN, bench_scene
+    from gpudem.solver.solver import Solver
+
+    scene = bench_scene("flowing", count, 100_000, solver={"skin": SKIN, "precision": precision})
+    solver = Solver(scene, device, 1, chunk=1, rebuild_in_graph=False)
+    solver.graphs = solver.graphs and not one_by_one
+    solver.start()
+    solver.advance(60)
+    return solver
+
+
+def paper_stage(out: Path, device: str) -> None:
+    """Gate by gate: wall clock, first ball at the far wall, heights at rest every 100 mm, positions."""
+    import numpy as np
+
+    import gpudem
+    from comparisons.cases.dam_break import scenes as dam
+    from comparisons.metrics import pile
+
+    rows = []
+    small: dict[str, Any] = {"young": None}
+    if device == "cpu":
+        small = {"radius": 0.02, "opens": 0.05, "flows": 0.1}
+    for gate in (0.3, 0.2, 0.4):
+        scene = dam.Dam(gate=gate, slice=False, **small).scene().replace(solver={"precision": "mixed"})
+        start = time.perf_counter()
+        with tempfile.TemporaryDirectory() as folder:
+            done = gpudem.simulate(scene, folder, device=device)
+            took = time.perf_counter() - start
+            last = done.frames[-1]
+        heights = pile.height(last["position"], last["radius"], dam.READ_AT, (0.0, dam.DEPTH), None)
+        rows.append({
+            "gate_m": gate, "balls": len(scene.state), "steps": scene.n_steps, "wall_s": took,
+            "particle_steps_per_s": len(scene.state) * scene.n_steps / took,
+            "far_wall_s": None if np.isnan(dam.arrival(done)) else dam.arrival(done),
+            "heights_mm": [round(1e3 * float(h), 2) for h in heights],
+        })  # fmt: skip
+        (out / "paper.json").write_text(json.dumps(rows, indent=1))
+        np.savez_compressed(out / f"rest_gate_{gate}.npz", position=last["position"].astype(np.float32))
+        print(json.dumps(rows[-1]), flush=True)
+
+
+def main() -> int:
+    """The command line; exit code 1 where a stage failed or was stopped."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("out", type=Path)
+    parser.add_argument("stages", nargs="*", metavar="STAGE")
+    parser.add_argument("--budget", type=float, default=400.0, help="seconds of all stages (400)")
+    parser.add_argument("--rehearse", action="store_true", help="on the CPU, small")
+    parser.add_argument("--inside", help=argparse.SUPPRESS)
+    given = parser.parse_intermixed_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    if given.inside:
+        device = "cpu" if given.rehearse else "cuda:0"
+        name, _, precision = given.inside.partition("_")
+        if name == "steps":
+            steps_stage(precision, device)
+        else:
+            stage: dict[str, Callable[[Path, str], None]] = {
+                "device": device_stage, "kernels": kernels_stage, "paper": paper_stage,
+            }  # fmt: skip
+            stage[name](given.out, device)
+        return 0
+    unknown = set(given.stages) - set(LIMITS)
+    if unknown:
+        parser.error(f"no stage {', '.join(sorted(unknown))}; known: {', '.join(LIMITS)}")
+    rows = check(given.stages or list(DEFAULT), given.out, given.budget, given.rehearse)
+    return int(any(row["status"] in ("failed", "stopped") for row in rows))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
