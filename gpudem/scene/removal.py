@@ -52,7 +52,7 @@ def search_box(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         if side.endswith("lo"):
             lo[axis] -= margin
         else:
-            hi[axis] += margin
+            hi[axis] += margin  # mutate: margin_beyond_side
     return lo, hi
 
 

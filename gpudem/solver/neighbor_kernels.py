@@ -229,7 +229,7 @@ def check_rebuild(
         if status[k] != wp.int64(NO_REPORT):
             reports += 1
     list_fits[0] = 0
-    if staying[0] < present:  # the host lets particles go
+    if staying[0] < present:  # the host lets particles go  # mutate: leaving_in_graph
         reports += 1
     if reports == 0 and start[n] <= capacity:  # mutate: list_fits
         list_fits[0] = 1

@@ -62,8 +62,8 @@ def exit_kernel(spec: Spec) -> Any:
         x = position_of(now, i)
         for e in range(exits.shape[0]):
             at = exits[e]
-            if wp.dot(x - at.point, at.inwards) < t.wide(0.0):
-                key[i] = cells + e
+            if wp.dot(x - at.point, at.inwards) < t.wide(0.0):  # mutate: beyond_side
+                key[i] = cells + e  # mutate: key_of_exit
                 return
 
     return find_leaving
@@ -97,7 +97,7 @@ class Departures:
 
     def record(self, rows: np.ndarray, exits: np.ndarray, step: int) -> None:
         """These particles have left through these exits before the forces of a step."""
-        self.step[rows] = step
+        self.step[rows] = step  # mutate: step_of_leaving
         self.exit[rows] = exits
 
     @property
@@ -133,5 +133,5 @@ class Departures:
             found[stated.name] = (
                 int(rows.sum()),
                 float(self.scene.masses[rows].sum()),
-            )
+            )  # mutate: mass_that_left
         return found

@@ -529,7 +529,7 @@ class Solver:
         state = self.state
         row = state.host(state.particles.id)[: state.present]
         if len(self.departures):
-            row = self.departures.rank[row]
+            row = self.departures.rank[row]  # mutate: rows_without_those_that_left
         return row
 
     def frame(self) -> Frame:

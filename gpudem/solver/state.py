@@ -196,7 +196,7 @@ class State:
         """Writes the particles of these rows of the scene behind those that are there."""
         place = slice(self.present, self.present + end - first)
         for name, values in self._stated.items():
-            getattr(self.particles, name)[place].assign(values[first:end])
+            getattr(self.particles, name)[place].assign(values[first:end])  # mutate: inserted_properties
         bodies = self._bodies(scene, first, end)
         for name in ("velocity", "angular_velocity"):
             if f"{name}_ahead" in (bodies.dtype.names or ()):

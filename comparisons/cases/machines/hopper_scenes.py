@@ -84,13 +84,13 @@ def loose(
 
 
 def statement(
-    name: str, title: str, young: float, particles: dict[str, Any], rule: str = SHARED
+    name: str, title: str, young: float, particles: dict[str, Any] | None, rule: str = SHARED
 ) -> dict[str, Any]:
-    """What hopper and silo share."""
+    """What hopper and silos share; without particles at the start where they are inserted."""
     return {
         "name": name, "title": title, "materials": {"grain": ball(young)},
         "pairs": [Pair(materials=("grain", "grain"), restitution=RESTITUTION, friction=FRICTION)],
-        "contact": {"mesh_contacts": rule}, "particles": Explicit(**particles),
+        "contact": {"mesh_contacts": rule}, "particles": None if particles is None else Explicit(**particles),
         "gravity": (0.0, 0.0, -GRAVITY),
     }  # fmt: skip
 
