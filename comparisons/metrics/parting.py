@@ -56,8 +56,8 @@ def differences(scene: Scene, a: Trace, b: Trace) -> dict[str, np.ndarray]:
     """Differences of two traces, each (t, n): position [m], speed [m/s]; force [N], torque [N m] if in both.
 
     Positions to the nearest image. "speed" is the larger one of the differences of velocity and of surface
-    velocity R omega. Of particles that are in neither run yet all are 0; that are in one of them only,
-    infinite. Raises ValueError for traces of different shape or steps.
+    velocity R omega. Of particles that are in neither run (yet, or any more) all are 0; that are in one of them
+    only, infinite. Raises ValueError for traces of different shape or steps.
     """
     if a["position"].shape != b["position"].shape or not np.array_equal(a["step"], b["step"]):
         raise ValueError("traces of different steps or particles")
@@ -70,7 +70,7 @@ def differences(scene: Scene, a: Trace, b: Trace) -> dict[str, np.ndarray]:
         "speed": np.maximum(velocity, spin),
         **{k: np.linalg.norm(a[k] - b[k], axis=2) for k in loads},
     }
-    if not scene.insert:
+    if not (scene.insert or scene.exits):
         return found
     absent = np.isnan(a["position"][..., 0]) & np.isnan(b["position"][..., 0])
     return {k: np.where(absent, 0.0, np.nan_to_num(v, nan=np.inf)) for k, v in found.items()}

@@ -16,6 +16,7 @@ from comparisons.scene_case.plan import Plan
 from gpudem.output.run import Run
 from gpudem.scene import Scene
 from gpudem.scene.groups import FREE, FROZEN
+from gpudem.scene.removal import search_box
 from gpudem.scene.time_step import position_spacing
 from gpudem.solver.guards import inserted_energy
 
@@ -132,7 +133,7 @@ def floors(scene: Scene, own: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _norm(vectors: np.ndarray) -> np.ndarray:
-    """Magnitudes; 0 of particles that are not there yet."""
+    """Magnitudes; 0 of particles that are not there."""
     return np.linalg.norm(np.nan_to_num(vectors), axis=2)
 
 
@@ -194,9 +195,12 @@ def has_seeds(results: Results, plan: Plan, *codes: str) -> bool:
     return all(has(results, label, *codes) for label in seed_labels(plan))
 
 
-def still_coming(plan: Plan) -> bool:
-    """Whether particles come in the last part of the run, over which metrics are means."""
-    return int(plan.scene.arrival_steps[-1]) > (1 - bulk.LAST) * plan.scene.n_steps
+def no_last_state(plan: Plan) -> str:
+    """Why there is no state of all particles in the last part of the run, over which metrics are means; or ""."""
+    if plan.scene.exits:
+        return "particles leave"
+    late = int(plan.scene.arrival_steps[-1]) > (1 - bulk.LAST) * plan.scene.n_steps
+    return "particles are inserted until the end of the run" if late else ""
 
 
 def samples(results: Results, plan: Plan, code: str) -> dict[str, np.ndarray]:
@@ -359,11 +363,13 @@ def elastic_energy(
 
 def _outside(scene: Scene, whole: dict[str, np.ndarray]) -> int:
     position = whole["position"]
-    slack = 1e-6 * float(scene.state.radius.max())
-    lo, hi = np.array(scene.domain.lo) - slack, np.array(scene.domain.hi) + slack
-    bad = ~np.isfinite(position) | (position < lo) | (position > hi)
-    there = np.array([scene.count_at(int(step)) for step in whole["step"]])
-    bad &= (np.arange(position.shape[1]) < there[:, None])[..., None]
+    slack, (lo, hi) = 1e-6 * float(scene.state.radius.max()), search_box(scene)
+    bad = ~np.isfinite(position) | (position < lo - slack) | (position > hi + slack)
+    there = scene.arrival_steps <= whole["step"][:, None]
+    if scene.exits:  # those that have left are in no later row
+        missing = np.isnan(position).any(axis=2)
+        there &= ~np.logical_and.accumulate(missing[::-1])[::-1]
+    bad &= there[..., None]
     return int(bad.any(axis=(0, 2)).sum())
 
 

@@ -80,8 +80,8 @@ def distributions(results: Results, plan: Plan, code: str, other: str) -> Measur
         raise Unmeasured("the codes can be compared particle by particle to the end: nothing is left for it")
     if not analysis.has_seeds(results, plan, code, other):
         raise Unmeasured("runs over seeds are missing")
-    if analysis.still_coming(plan):
-        raise Unmeasured("particles are inserted until the end of the run: no state to compare")
+    if why := analysis.no_last_state(plan):
+        raise Unmeasured(f"{why}: no state to compare")
     found = analysis.distributions(results, plan, code, other)
     if not found:
         raise Unmeasured("no metric varies")
@@ -106,7 +106,8 @@ def energy_defined(scene: Scene) -> bool:
     gravity, periodic = np.array([at.gravity for at in scene.phase_scenes]), np.array(scene.domain.periodic)
     potential = scene.contact_range == 0 and not scene.needs.cohesion and not np.ptp(gravity, axis=0).any()
     vibrating = any(plane.speed > 0 for plane in scene.planes)  # steps back without a time of its own
-    return not ((gravity != 0) & periodic).any() and not vibrating and potential
+    defined = not ((gravity != 0) & periodic).any() and not vibrating and potential
+    return defined and not scene.exits  # energy leaves with the particles
 
 
 def conserved(scene: Scene) -> bool:
@@ -140,7 +141,7 @@ def each(plan: Plan) -> PerCode:
         ]  # fmt: skip
         if energy_defined(scene):
             made.append(_energy(plan, code))
-        if not (scene.walls or scene.insert or scene.groups):
+        if not (scene.walls or scene.insert or scene.groups or scene.exits):
             made.append(
                 Check(
                     name=f"momentum, that of gravity taken off: largest change / sum of m |v| ({title})",

@@ -213,7 +213,7 @@ def distributions(results: Results, plan: Plan) -> pandas.DataFrame:
 
     rows = []
     complete = [code for code in codes.CODES if analysis.has_seeds(results, plan, code)]
-    for code, other in codes.pairs(complete if not analysis.still_coming(plan) else []):
+    for code, other in codes.pairs(complete if not analysis.no_last_state(plan) else []):
         for name, c in analysis.distributions(results, plan, code, other).items():
             pair = f"{codes.title(code)} / {codes.title(other)}"
             rows.append((pair, name, *c.mean, *c.spread, c.difference, c.half_width, c.p, c.corrected))

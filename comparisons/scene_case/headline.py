@@ -88,8 +88,8 @@ def after(plan: Plan, results: Results, code: str, other: str) -> str:
     """What the distributions of two codes show."""
     if not analysis.has_seeds(results, plan, code, other):
         return "nothing is compared, since runs over seeds are missing"
-    if analysis.still_coming(plan):
-        return "nothing is compared, since particles are inserted until the end of the run"
+    if why := analysis.no_last_state(plan):
+        return f"nothing is compared, since {why}"
     found = analysis.distributions(results, plan, code, other)
     over = f"{plan.seeds} {plan.starts}"
     low = {name: c for name, c in found.items() if c.corrected < analysis.ALPHA}

@@ -420,3 +420,18 @@ def test_particles_that_come(compare):
     late = {**RAIN, "time": [0.0005, 0.0005, 0.0046]}
     sentence, comparison = compare(rain(), beside(lambda scene: scene.replace(insert=[late])))
     assert "separate earlier than rounding explains" in sentence
+
+
+@pytest.mark.slow
+def test_particles_that_leave(compare):
+    """Detects: NaN of particles that have left taken for a difference, for equality or for a broken output."""
+    box = {"kind": "box", "name": "box", "material": "ball", "sides": ["xlo", "ylo", "yhi", "zlo", "zhi"]}
+    domain = {"lo": (0, 0, 0), "hi": (0.02, 0.02, 0.02), "sides": {"xhi": "outflow"}}
+    scene = rain(walls=[box], domain=domain, gravity=(100.0, 0, -9.81))
+    assert analysis.no_last_state(plans.make(scene, 5, False)) == "particles leave"
+    sentence, comparison = compare(scene, beside(lambda scene: scene))
+    assert "agree to rounding in the whole run of 0.02 s" in sentence
+    assert [c.name for c in comparison.checks if c.status not in ("pass", "left_out")] == []
+    other = beside(lambda scene: scene.replace(solver={"skin": 2 * scene.skin}))
+    sentence, comparison = compare(scene, other)
+    assert "separate earlier than rounding explains" in sentence
