@@ -56,8 +56,8 @@ def differences(scene: Scene, a: Trace, b: Trace) -> dict[str, np.ndarray]:
     """Differences of two traces, each (t, n): position [m], speed [m/s]; force [N], torque [N m] if in both.
 
     Positions to the nearest image. "speed" is the larger one of the differences of velocity and of surface
-    velocity R omega. Of particles that are in neither run (yet, or any more) all are 0; that are in one of them
-    only, infinite. Raises ValueError for traces of different shape or steps.
+    velocity R omega. Of particles that are in neither run (yet, or any more) all are 0; that are in one of
+    them only, infinite. Raises ValueError for traces of different shape or steps.
     """
     if a["position"].shape != b["position"].shape or not np.array_equal(a["step"], b["step"]):
         raise ValueError("traces of different steps or particles")

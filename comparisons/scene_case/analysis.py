@@ -196,7 +196,7 @@ def has_seeds(results: Results, plan: Plan, *codes: str) -> bool:
 
 
 def no_last_state(plan: Plan) -> str:
-    """Why there is no state of all particles in the last part of the run, over which metrics are means; or ""."""
+    """Why there is no state of all in the last part of the run, over which metrics are means; else ""."""
     if plan.scene.exits:
         return "particles leave"
     late = int(plan.scene.arrival_steps[-1]) > (1 - bulk.LAST) * plan.scene.n_steps
@@ -365,10 +365,10 @@ def _outside(scene: Scene, whole: dict[str, np.ndarray]) -> int:
     position = whole["position"]
     slack, (lo, hi) = 1e-6 * float(scene.state.radius.max()), search_box(scene)
     bad = ~np.isfinite(position) | (position < lo - slack) | (position > hi + slack)
-    there = scene.arrival_steps <= whole["step"][:, None]
+    there = np.less_equal(scene.arrival_steps, whole["step"][:, None])
     if scene.exits:  # those that have left are in no later row
         missing = np.isnan(position).any(axis=2)
-        there &= ~np.logical_and.accumulate(missing[::-1])[::-1]
+        there = there & ~np.logical_and.accumulate(missing[::-1])[::-1]
     bad &= there[..., None]
     return int(bad.any(axis=(0, 2)).sum())
 

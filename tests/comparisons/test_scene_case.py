@@ -424,7 +424,7 @@ def test_particles_that_come(compare):
 
 @pytest.mark.slow
 def test_particles_that_leave(compare):
-    """Detects: NaN of particles that have left taken for a difference, for equality or for a broken output."""
+    """Detects: NaN of particles that have left taken for a difference, for equality, for a broken run."""
     box = {"kind": "box", "name": "box", "material": "ball", "sides": ["xlo", "ylo", "yhi", "zlo", "zhi"]}
     domain = {"lo": (0, 0, 0), "hi": (0.02, 0.02, 0.02), "sides": {"xhi": "outflow"}}
     scene = rain(walls=[box], domain=domain, gravity=(100.0, 0, -9.81))
