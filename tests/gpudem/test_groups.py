@@ -50,6 +50,8 @@ def test_bases_cost_no_list_entries():
     frame = finish(Solver(still, threads=1))
     assert not frame["force"].any()
     assert scene.start_overlap == 0.0
+    deep = on_one(particles={**on_one().model_dump()["particles"], "position": [(0, 0, 0), (0, 0, 0.0195)]})
+    assert deep.start_overlap == pytest.approx(0.05)
 
 
 @pytest.fixture(scope="module")
