@@ -21,7 +21,7 @@ MOVING = "velocity = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]"
 assert MOVING in GOOD
 GROUPS = [
     grouped("group without name", 'name = "base"\n', "", "groups[0].name: missing"),
-    grouped("group of nothing", "ids = [1]\n", "", "groups[0].material: missing; a group states material or ids"),
+    grouped("group of nothing", "ids = [1]\n", "", "groups[0].material: missing; a group states material, ids or region"),
     grouped("group that nothing holds", "frozen = true\n", "", "groups[0].frozen: missing; what holds the particles"),
     grouped("group that is not frozen", "true", "false", "groups[0].frozen: missing"),
     grouped("group with an unknown key", "frozen", "frozn = true\nfrozen", "groups[0].frozn: unknown key; did you mean 'frozen'?"),
@@ -38,6 +38,13 @@ GROUPS = [
         ("groups[1].name = 'base': there is another group of this name",)),
     Bad("particle in two groups", {"[domain]": TWICE.replace("base", "other", 1) + "[domain]"},
         ("groups[1]: particle 1 is in group 'other' already; allowed: one group",)),
+    grouped("group of an unknown region", "ids = [1]", 'region = { kind = "ball" }', "groups[0].region.kind = 'ball': unknown"),
+    grouped("group of an empty region", "ids = [1]", 'region = { kind = "sphere", center = [0.0, 0.0, 0.1], radius = 0.01 }',
+        "groups[0]: no particle at the start is in group 'base'"),
+    Bad("force on an unknown group", {"[output]": '[output]\nhistory_every = 0.01\ngroup_forces = ["bed"]'},
+        ("output.group_forces: 'bed' is no group",)),
+    Bad("force on a group without history", {"[domain]": f"[[groups]]\n{GROUP}[domain]", "[output]": '[output]\ngroup_forces = ["base"]'},
+        ("output.group_forces: has no effect without output.history_every [s]",)),
     Bad("frozen and moving", {"[domain]": f"[[groups]]\n{GROUP}[domain]", MOVING: MOVING.replace("0.0", "0.5", 1)},
         ("groups[0].frozen: particle 1 has velocity (0.5, 0.0, 0.0) m/s; must be 0",)),
 ]  # fmt: skip

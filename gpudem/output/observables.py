@@ -152,6 +152,19 @@ def of_wall(name: str) -> list[Observable]:
     return [*vectors, Observable(f"work_{name}", "J", lambda view: view.wall_loads[name].work)]
 
 
+def of_group(name: str) -> list[Observable]:
+    """Columns of one group: force_NAME_x [N], ..., torque_NAME_z [N m], of its contacts, without its weight.
+
+    The torque is about the group's `reference`.
+    """
+
+    def component(quantity: int, unit: str, k: int) -> Observable:
+        what = ("force", "torque")[quantity]
+        return Observable(f"{what}_{name}_{'xyz'[k]}", unit, lambda view: view.group_load(name)[quantity][k])
+
+    return [component(q, unit, k) for q, unit in enumerate(("N", "N m")) for k in range(3)]
+
+
 def of_exit(name: str) -> list[Observable]:
     """Columns of an exit: removed_NAME [1] and removed_mass_NAME [kg], of what has left since the start."""
     return [

@@ -112,10 +112,12 @@ class Recorder:
         return [*(observables.get(name) for name in names), *self._by_scene()]
 
     def _by_scene(self) -> list[Observable]:
-        """Of walls and exits, which the scene names."""
+        """Of walls, groups and exits, which the scene names."""
         walls, exits = self.scene.output.wall_forces, [stated.name for stated in self.scene.exits]
-        return [o for wall in walls for o in observables.of_wall(wall)] + [
-            o for name in exits for o in observables.of_exit(name)
+        return [
+            *(o for wall in walls for o in observables.of_wall(wall)),
+            *(o for group in self.scene.output.group_forces for o in observables.of_group(group)),
+            *(o for name in exits for o in observables.of_exit(name)),
         ]
 
     def flush(self) -> None:

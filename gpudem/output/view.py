@@ -11,6 +11,7 @@ import numpy as np
 from gpudem.errors import SimulationError
 from gpudem.output.vtu import Frame
 from gpudem.scene import Scene
+from gpudem.scene.groups import contact_force
 
 #: Columns of three components, in order of id.
 VECTORS = ("position", "unwrapped_position", "velocity", "angular_velocity", "force", "torque")
@@ -147,6 +148,20 @@ class View:
     def wall_loads(self) -> dict[str, WallLoad]:
         """Force, torque and work of the walls that `output.wall_forces` names, by name of the wall."""
         return self._once("wall_loads", self._wall_loads)
+
+    def group_load(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Force [N] of the contacts on a group, and their torque [N m] about its reference, each (3,)."""
+
+        def found() -> tuple[np.ndarray, np.ndarray]:
+            group = next(group for group in self.scene.groups if group.name == name)
+            members = group.rows(self.scene)
+            at = np.searchsorted(self.rows, members)
+            force = contact_force(self.scene, self.step, members, self.numpy("force")[at])
+            lever = self.numpy("position")[at] - np.array(group.reference)
+            torque = np.cross(lever, force) + self.numpy("torque")[at]  # mutate: torque_on_group
+            return force.sum(axis=0), torque.sum(axis=0)
+
+        return self._once(("group", name), found)
 
     def frame(self) -> Frame:
         """All columns of a frame, as NumPy arrays."""

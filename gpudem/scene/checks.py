@@ -76,7 +76,7 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
     drawn = any(isinstance(insert, Source) for insert in scene.insert)
     if not (particles and run_check(_state, *(("time", "gravity", "domain", "materials") if drawn else ()))):
         return found
-    grouped = walls and run_check(groups.problems, "groups")
+    grouped = walls and run_check(groups.problems, "groups", "output", "gravity")
     paired = pairs and walls and run_check(_pairs, "contact")
     periodic = domain and run_check(
         lambda scene: _periodic(scene, scene.contact_range if paired else 0.0), "solver"

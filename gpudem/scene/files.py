@@ -62,8 +62,12 @@ def count_paths_from(data: dict[str, Any], folder: Path) -> None:
     for sections, key in (("walls", "file"), ("insert", "path")):
         stated = data.get(sections)
         places += [(section, key) for section in (stated if isinstance(stated, list) else [])]
-    inserted = [section for section, key in places if key == "path" and isinstance(section, dict)]
-    places += [(region, "file") for section in inserted for region in _regions(section.get("region"))]
+    grouped = data.get("groups")
+    within = [section for section, key in places if key == "path"] + (
+        grouped if isinstance(grouped, list) else []
+    )
+    within = [section for section in within if isinstance(section, dict)]
+    places += [(region, "file") for section in within for region in _regions(section.get("region"))]
     for section, key in places:
         if isinstance(section, dict) and isinstance(section.get(key), str):
             section[key] = str(folder / section[key])

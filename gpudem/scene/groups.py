@@ -1,4 +1,4 @@
-"""Particles that contacts do not move: `[[groups]]`, chosen by material or id.
+"""Particles that contacts do not move: `[[groups]]`, chosen by material, id or place.
 
 A frozen particle stays where it is, without velocity and spin; in a contact with a free one the effective
 mass is the free one's (LIGGGHTS `fix freeze`). Forces on it are computed and move nothing. Between particles
@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from pydantic import AfterValidator, model_validator
 
-from gpudem.scene.types import Flag, Model, Name, array
+from gpudem.scene.files import nearest
+from gpudem.scene.regions import RegionSection
+from gpudem.scene.types import Flag, Model, Name, Vector, array, vector
 
 if TYPE_CHECKING:
     from gpudem.scene.model import Scene
@@ -41,13 +43,18 @@ class Group(Model):
     """Those of this material."""
     ids: Annotated[np.ndarray, array(0, "1"), AfterValidator(_whole)] | None = None
     """Those with these ids, counted from 1 in the order in which particles are stated, shape (k,)."""
+    region: RegionSection | None = None
+    """Those whose center lies in it at the start; a region as of `[[insert]]`."""
     frozen: Flag = False
     """They stay where they are, and contacts with them have the effective mass of the free particle."""
 
+    reference: Annotated[Vector, vector("m")] = (0.0, 0.0, 0.0)
+    """Point about which the torque on it is stated [m]."""
+
     @model_validator(mode="after")
     def _stated(self) -> Group:
-        if self.material is None and self.ids is None:
-            raise ValueError("material: missing; a group states material or ids")
+        if self.material is None and self.ids is None and self.region is None:
+            raise ValueError("material: missing; a group states material, ids or region")
         if not self.frozen:
             raise ValueError("frozen: missing; what holds the particles is frozen = true")
         return self
@@ -59,6 +66,9 @@ class Group(Model):
         if self.material is not None:
             # mutate: group_by_material
             chosen &= scene.stated_particles.material[:start] == scene.material_index[self.material]
+        if self.region is not None:
+            # mutate: group_by_region
+            chosen &= self.region.depth(scene.stated_particles.position[:start]) >= 0
         if self.ids is not None:
             if self.ids.size and self.ids.max() > start:
                 raise IndexError(int(self.ids.max()))
@@ -75,6 +85,11 @@ def held(scene: Scene) -> np.ndarray:
         found[group.rows(scene)] = FROZEN
     found.setflags(write=False)
     return found
+
+
+def contact_force(scene: Scene, step: int, rows: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Force of the contacts alone [N] on some rows of `Scene.state` in a step, (k, 3), from that with weight."""
+    return force - scene.masses[rows, None] * scene.gravity_at(np.array([step]))
 
 
 def problems(scene: Scene) -> list[str]:
@@ -107,8 +122,19 @@ def problems(scene: Scene) -> list[str]:
             found.append(f"{key}: particle {both[0] + 1} is in group {other!r} already; allowed: one group")
         taken[rows] = k
         found += _moving(scene, key, rows)
+    found += _forces(scene, names)
     if scene.groups and not found and (taken >= 0).all():
         found.append("groups: every particle is in one; at least one must be free")
+    return found
+
+
+def _forces(scene: Scene, names: list[str]) -> list[str]:
+    """Forces asked for of groups that there are not, or where there is no history."""
+    wanted = scene.output.group_forces
+    unknown = [name for name in wanted if name not in names]
+    found = [f"output.group_forces: {name!r} is no group{nearest(name, names)}" for name in unknown]
+    if wanted and scene.output.history_every is None:
+        found.append("output.group_forces: has no effect without output.history_every [s]")
     return found
 
 

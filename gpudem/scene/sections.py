@@ -276,6 +276,9 @@ class Output(Model):
     wall_stress: tuple[Name, ...] = ()
     """Names of meshes whose frames (`frames/walls_<step>.vtu`) have pressure and shear stress [Pa] of each
     triangle: the force of the particles on it by its area, along its normal and within it."""
+    group_forces: tuple[Name, ...] = ()
+    """Names of groups; the history has what free particles do to them: `force_NAME_x` [N], ...,
+    `torque_NAME_z` [N m], without their weight, the torque about the group's `reference`."""
     restart_every: Annotated[float, positive("s")] | None = None
     """The exact state, from which `gpudem resume` continues; each file replaces the last. gpudem only."""
 

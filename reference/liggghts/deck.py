@@ -105,7 +105,7 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "box": [side for sides in removal.box(scene) for side in sides],
         "inserted_kinds": insertion.kinds(scene), "inserted": insertion.balls(scene),
         "insertion_seeds": insertion.SEEDS,
-        "groups": groups.groups(scene), "mobile": "mobile" if scene.needs.held else "all",
+        "groups": groups.groups(scene), "group_loads": groups.loads(scene), "mobile": "mobile" if scene.needs.held else "all",
         "held_columns": FROZEN_COLUMNS if scene.needs.held else (),
     }  # fmt: skip
     sections = [
@@ -193,7 +193,8 @@ def history_columns(scene: Scene) -> list[str]:
     columns += [f"touch_{name}" for name in walls.primitives(scene)]
     columns += ["mesh_contacts"] if walls.same_meshes(scene) else []
     columns += removal.columns(scene)
-    return columns + [word for load in wall_loads.loads(scene) for word in load.columns]
+    columns += [word for load in wall_loads.loads(scene) for word in load.columns]
+    return columns + [word for load in groups.loads(scene) for word in load.columns]
 
 
 def thermo_stride(scene: Scene) -> int:

@@ -6,7 +6,9 @@ import dataclasses
 
 import numpy as np
 
+from gpudem.output import observables
 from gpudem.scene import Scene
+from reference.liggghts.walls import number
 
 #: Most groups of a deck: LIGGGHTS has 32, `all` and three of ours among them.
 MOST = 28
@@ -24,6 +26,60 @@ class GroupWords:
 def groups(scene: Scene) -> list[GroupWords]:
     """Every group in order of statement."""
     return [GroupWords(group.name, _members(group.rows(scene) + 1)) for group in scene.groups]
+
+
+@dataclasses.dataclass(frozen=True)
+class GroupLoad:
+    """Force and torque on one group, as sums over its particles."""
+
+    name: str
+    moments: tuple[str, ...]
+    """Components of the torque of one particle about the reference [N m], as formulas."""
+
+    @property
+    def columns(self) -> list[str]:
+        """Words of a thermo line: force and torque with weight [N, N m]."""
+        return [f"c_load_group_{self.name}[{k}]" for k in range(1, 7)]
+
+    @property
+    def words(self) -> str:
+        """The columns as the end of a line."""
+        return "".join(f" {word}" for word in self.columns)
+
+
+def loads(scene: Scene) -> list[GroupLoad]:
+    """Of the groups whose forces the history has."""
+    found = []
+    for group in scene.groups:
+        lever = [f"({a}-({number(r)}))" for a, r in zip("xyz", group.reference, strict=True)]
+        force, torque = ([f"f_frozen_{what}[{k}]" for k in (1, 2, 3)] for what in ("force", "torque"))
+        turns = [(lever[i], force[j], lever[j], force[i], torque[k])
+                 for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1)))]  # fmt: skip
+        moments = tuple(f"{a}*{b}-{c}*{d}+{own}" for a, b, c, d, own in turns)
+        if group.name in scene.output.group_forces:
+            found.append(GroupLoad(group.name, moments))
+    return found
+
+
+def names(scene: Scene) -> list[str]:
+    """The history's columns of groups, as gpudem's."""
+    return [column.name for name in scene.output.group_forces for column in observables.of_group(name)]
+
+
+def history(scene: Scene, thermo: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The columns of groups by name, as gpudem's; thermo: columns by the words of the deck, and `step`."""
+    found: dict[str, np.ndarray] = {}
+    gravity = scene.gravity_at(thermo["step"])
+    for load in loads(scene):
+        group = next(group for group in scene.groups if group.name == load.name)
+        rows = group.rows(scene)
+        mass, place = scene.masses[rows], scene.state.position[rows] - np.array(group.reference)
+        table = np.stack([thermo[word] for word in load.columns], axis=1)
+        weight = mass.sum() * gravity  # mutate: weight_of_group
+        values = table - np.concatenate([weight, np.cross(mass @ place, gravity)], axis=1)
+        columns = observables.of_group(load.name)
+        found |= {column.name: v for column, v in zip(columns, values.T, strict=True)}
+    return {name: found[name] for name in names(scene)}
 
 
 def _members(ids: np.ndarray) -> tuple[str, ...]:

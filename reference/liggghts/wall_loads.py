@@ -20,6 +20,7 @@ from gpudem.scene.mesh import Mesh
 from gpudem.scene.motion import Servo
 from gpudem.scene.walls import Wall
 from gpudem.walls.motion import WallPath
+from reference.liggghts import groups
 from reference.liggghts.contact_model import laws_of
 from reference.liggghts.errors import LiggghtsOutputError
 from reference.liggghts.walls import foot, number
@@ -94,7 +95,8 @@ def chosen(scene: Scene) -> list[str] | None:
     if scene.output.history is None:
         return None
     exits = [f"removed_{part}{stated.name}" for stated in scene.exits for part in ("", "mass_")]
-    return [*scene.output.history, *(name for wall in _wanted(scene) for name in _names(scene, wall)), *exits]
+    walls = [name for wall in _wanted(scene) for name in _names(scene, wall)]
+    return [*scene.output.history, *walls, *groups.names(scene), *exits]
 
 
 def _wanted(scene: Scene) -> list[Wall]:

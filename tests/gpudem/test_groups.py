@@ -54,6 +54,32 @@ def test_bases_cost_no_list_entries():
     assert deep.start_overlap == pytest.approx(0.05)
 
 
+def test_forces_on_a_group(tmp_path):
+    """Detects: a force with weight, of other particles or at the start of a phase with the other gravity; a
+    torque about another point or without the particles' own.
+    """
+    output = {"frames_every": 0.002, "history_every": 0.002, "group_forces": ["base"]}
+    group = {"name": "base", "frozen": True, "reference": (0.01, 0.02, 0.03), "material": "wall",
+             "region": {"kind": "block", "lo": (0, 0, 0), "hi": (0.05, 0.1, 0.1)}}  # fmt: skip
+    rest = {**group, "name": "rest", "region": {**group["region"], "lo": (0.05, 0, 0), "hi": (1, 1, 1)}}
+    phases = [{"start": 0.03, "gravity": (2.0, 0, -5.0)}]
+    scene = on_base(groups=[group, rest], output=output, phases=phases)
+    found = run(scene, tmp_path)
+    assert found.history is not None
+    rows = np.flatnonzero((scene.stated_particles.material == 1) & (scene.state.position[:, 0] <= 0.05))
+    assert len(rows) == 100
+    for k, frame in enumerate(found.frames):
+        g = np.array((0, 0, -9.81) if k <= 15 else (2.0, 0, -5.0))
+        force = frame["force"][rows] - scene.masses[rows, None] * g
+        arm = scene.state.position[rows] - np.array((0.01, 0.02, 0.03))
+        torque = np.cross(arm, force) + frame["torque"][rows]
+        row = found.history.iloc[k]
+        for name, values in (("force", force), ("torque", torque)):
+            got = np.array([row[f"{name}_base_{a}"] for a in "xyz"])
+            assert np.abs(got - values.sum(axis=0)).max() < 1e-12, (name, k)
+    assert found.history.force_base_z.min() < -0.05
+
+
 @pytest.fixture(scope="module")
 def plain() -> dict[str, np.ndarray]:
     frame = finish(Solver(on_base(), threads=1))

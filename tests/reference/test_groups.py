@@ -24,8 +24,16 @@ def on_base(**changes) -> Scene:
         "material": [*["ball"] * 8, "wall", "ball", "ball"],
     }  # fmt: skip
     groups = [{"name": "base", "ids": [1, 2, 3, 5, 6, 7, 8], "frozen": True},
-              {"name": "rest", "ids": [4, 9], "frozen": True}]  # fmt: skip
-    return pouring(**{"particles": start, "groups": groups, "count": 20, **changes})
+              {"name": "rest", "ids": [4, 9], "frozen": True, "reference": (0.05, 0.04, 0.01)}]  # fmt: skip
+    output = {
+        "trace_every": 1e-4,
+        "history_every": 1e-4,
+        "frames_every": 0.01,
+        "group_forces": ["rest", "base"],
+    }
+    phases = [{"start": 0.03, "gravity": (1.0, 0, -8.0)}]
+    data = {"particles": start, "groups": groups, "count": 20, "output": output, "phases": phases}
+    return pouring(**{**data, **changes})
 
 
 ROLLING = {"contact": {"rolling": "epsd"}}
@@ -59,6 +67,12 @@ def test_agrees_with_binary(options, tmp_path, liggghts):
     assert ours.history is not None
     assert np.array_equal(run.history.contacts, ours.history.contacts)
     assert ours.history.contacts.max() >= 2
+    held = [f"{what}_{name}_{a}" for name in ("rest", "base") for what in ("force", "torque") for a in "xyz"]
+    assert list(ours.history.columns[-12:]) == list(run.history.columns[-12:]) == held
+    for name in held:
+        scale = ours.history[name].abs().max()
+        assert scale > 0
+        assert np.abs(run.history[name] - ours.history[name]).max() < TOLERANCE * scale, name
     theirs = list(run.frames)[-1]
     assert np.array_equal(theirs["force"], run.trace["force"][-1])
     assert np.array_equal(theirs["torque"], run.trace["torque"][-1])
