@@ -88,7 +88,7 @@ def held(scene: Scene) -> np.ndarray:
 
 
 def contact_force(scene: Scene, step: int, rows: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Force of the contacts alone [N] on some rows of `Scene.state` in a step, (k, 3), from that with weight."""
+    """Force of the contacts alone [N] on rows of `Scene.state` in a step, (k, 3), from that with weight."""
     return force - scene.masses[rows, None] * scene.gravity_at(np.array([step]))
 
 

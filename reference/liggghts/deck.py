@@ -105,7 +105,8 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "box": [side for sides in removal.box(scene) for side in sides],
         "inserted_kinds": insertion.kinds(scene), "inserted": insertion.balls(scene),
         "insertion_seeds": insertion.SEEDS,
-        "groups": groups.groups(scene), "group_loads": groups.loads(scene), "mobile": "mobile" if scene.needs.held else "all",
+        "groups": groups.groups(scene), "group_loads": groups.loads(scene),
+        "mobile": "mobile" if scene.needs.held else "all",
         "held_columns": FROZEN_COLUMNS if scene.needs.held else (),
     }  # fmt: skip
     sections = [
