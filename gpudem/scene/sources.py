@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 MAX_FRACTION = 0.74
 #: Particles considered for one filling: so much of the region, a little beyond what random addition reaches.
 FILLING = 0.4
+#: With further fillings: share taken of those that fitted where some did not; how many more the next tries.
+SHORTER, MORE = 0.9, 1.25
 #: A layer of a stream: its cross-sections cover at most this share of the area in which centers may lie.
 COVERED = 0.4
 #: Particles drawn at once for a mass.
@@ -233,13 +235,21 @@ class _Inserter:
         self.times: list[np.ndarray] = [np.empty(0)]
         self.velocity = np.empty((0, 3))
 
-    def insert(self, rows: np.ndarray, time: float) -> np.ndarray:
-        """Place these of the particles drawn; the rows of those that found no place."""
-        drawn, source = self.drawn, self.source
-        position, placed = place(
-            self.region, drawn.radius[rows], drawn.rng, source.attempts, self.around.flight, time
-        )
-        own = rows[placed]
+    def insert(self, rows: np.ndarray, time: float, whole: bool = False) -> np.ndarray:
+        """Place these of the particles drawn; the rows of those that found no position.
+
+        whole: only so many of the first that all of them find one, so that sizes come as they were drawn, not
+        the small ones first.
+        """
+        drawn, source, count = self.drawn, self.source, len(rows)
+        while True:
+            position, placed = place(
+                self.region, drawn.radius[rows[:count]], drawn.rng, source.attempts, self.around.flight, time
+            )
+            if not whole or placed.all():
+                break
+            count = int(SHORTER * placed.sum())  # mutate: sizes_as_drawn
+        own = rows[:count][placed]
         spin = np.tile(np.array(source.angular_velocity), (len(own), 1))
         state = InitialState.build(
             position[placed], drawn.radius[own], drawn.material[own], drawn.velocities(len(own)), spin
@@ -248,7 +258,7 @@ class _Inserter:
         self.around.flight.add(state, times)
         self.states.append(state)
         self.times.append(times)
-        return rows[~placed]
+        return np.concatenate([rows[:count][~placed], rows[count:]])
 
     def occupied(self, time: float) -> float:
         """Volume [m3] of the particles whose centers are in the region by free flight."""
@@ -298,7 +308,8 @@ class InsertPack(Source):
     time: Annotated[float, number("s", 0)] = 0.0
     """When it is filled first [s]; rounded to whole steps, at least one."""
     every: Annotated[float, positive("s")] | None = None
-    """Interval of further fillings [s] with what did not fit before; default: a single one."""
+    """Interval of further fillings [s] with what did not fit before, in the order drawn, so that each has the
+    stated sizes; default: a single filling."""
 
     @model_validator(mode="after")
     def _one_target(self) -> InsertPack:
@@ -316,10 +327,12 @@ class InsertPack(Source):
         count = self._draw(drawn, volume)
         volumes = 4 / 3 * np.pi * drawn.radius[:count] ** 3
         rows = np.arange(count)
+        fitted = FILLING * volume
         for time in self._times(around):
-            room = FILLING * volume - inserter.occupied(time)
+            room = min(FILLING * volume - inserter.occupied(time), fitted)
             few = int(np.searchsorted(np.cumsum(volumes[rows]), room)) + 1
-            left = inserter.insert(rows[:few], time)
+            left = inserter.insert(rows[:few], time, whole=self.every is not None)
+            fitted = max(MORE * volumes[rows[: few - len(left)]].sum(), volumes[rows[0]])
             rows = np.concatenate([left, rows[few:]])
             if not len(rows):
                 break

@@ -18,8 +18,8 @@ TOLERANCE = 1e-9
 
 #: Two sizes of two materials, from above, in three fillings; and a stream.
 PACK = {
-    "kind": "pack", "region": {"kind": "block", "lo": (0.0, 0.0, 0.1), "hi": (0.1, 0.1, 0.19)}, "count": 40,
-    "velocity": (0, 0, -2.0), "velocity_spread": 0.1, "angular_velocity": (5.0, 0, 1.0), "attempts": 2,
+    "kind": "pack", "region": {"kind": "block", "lo": (0.0, 0.0, 0.07), "hi": (0.1, 0.1, 0.095)}, "count": 60,
+    "velocity": (0, 0, -3.0), "velocity_spread": 0.1, "angular_velocity": (5.0, 0, 1.0), "attempts": 50,
     "every": 0.012, "seed": 1,
     "mixture": [
         {"material": "ball", "radius": 0.007, "share": 0.5},

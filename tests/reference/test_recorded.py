@@ -12,6 +12,7 @@ from reference.liggghts.errors import LiggghtsNotFound
 from tests.reference.emulator import emulate
 from tests.reference.scenes import recorded_scene
 from tests.reference.test_deck import GOLDEN
+from tests.reference.test_insertion import pouring
 
 
 @pytest.fixture
@@ -53,15 +54,23 @@ def test_packed_columns_come_back_to_the_last_bit():
 
 
 @pytest.mark.liggghts
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
-def test_record_and_recall(dtype, tmp_path, liggghts):
-    scene = recorded_scene()
+@pytest.mark.parametrize(
+    ("scene", "dtype"),
+    [(recorded_scene(), "float64"), (recorded_scene(), "float32"), (pouring(), "float64")],
+    ids=["float64", "float32", "particles that come"],
+)
+def test_record_and_recall(scene, dtype, tmp_path, liggghts):
+    """Detects: rows lost, frames of another number of particles, digits lost."""
     run = code.run(scene, tmp_path / "live")
     recorded.record(run, tmp_path, dtype)
     again = recorded.recall(run.notes["deck_hash"], scene, tmp_path / "again", tmp_path)
-    for name in run.trace:
-        assert np.array_equal(run.trace[name], again.trace[name])  # exact whatever the frames are kept as
+    assert run.trace is not None
+    assert again.trace is not None
+    assert run.history is not None
+    for name in run.trace:  # exact whatever the frames are kept as
+        assert np.array_equal(run.trace[name], again.trace[name], equal_nan=True)
     assert run.history.equals(again.history)
     for a, b in zip(run.frames, again.frames, strict=True):
+        assert np.array_equal(a["id"], b["id"])
         assert np.allclose(a["position"], b["position"], rtol=0 if dtype == "float64" else 1e-6, atol=0)
     assert again.notes["provenance"]["frame_dtype"] == dtype

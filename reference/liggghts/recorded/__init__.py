@@ -27,6 +27,8 @@ FOLDER = Path(__file__).parent
 SUFFIX = ".npz.xz"
 #: Prefix of a column that is packed.
 PACKED = "packed."
+#: Particles of each frame where their number varies: the other columns are then of all frames in a row.
+COUNT = "count"
 
 
 def record(
@@ -44,8 +46,12 @@ def record(
     if run.history is not None:
         arrays |= {f"history.{name}": run.history[name].to_numpy() for name in run.history}
     frames = [{k: v for k, v in frame.items() if k != "points"} for frame in run.frames]
+    counts = [len(frame["id"]) for frame in frames]
+    if len(set(counts)) > 1:
+        arrays[f"frames.{COUNT}"] = np.array(counts)
     for name in frames[0]:
-        column = np.stack([frame[name] for frame in frames])
+        columns = [frame[name] for frame in frames]
+        column = np.concatenate(columns) if len(set(counts)) > 1 else np.stack(columns)
         arrays[f"frames.{name}"] = column.astype(frame_dtype) if column.dtype == np.float64 else column
     facts = {
         "recorded": datetime.date.today().isoformat(), "machine": processor(), "version": run.version,
@@ -79,9 +85,11 @@ def recall(key: str, scene: Scene, directory: Path, folder: Path | None = None) 
     import pandas
 
     facts, parts = _read(_path(key, folder))
-    writer = FrameWriter(directory, scene)
+    writer, frames = FrameWriter(directory, scene), dict(parts["frames"])
+    if (counts := frames.pop(COUNT, None)) is not None:
+        frames = {name: np.split(column, np.cumsum(counts)[:-1]) for name, column in frames.items()}
     for k, step in enumerate(range(0, scene.n_steps + 1, scene.frame_stride)):
-        frame = {name: column[k] for name, column in parts["frames"].items()}
+        frame = {name: column[k] for name, column in frames.items()}
         writer.add(step, {n: c.astype(np.float64) if c.dtype.kind == "f" else c for n, c in frame.items()})
     where = f"{facts['recorded']} on {facts['machine']} with {facts['version']}"
     warning = f"LIGGGHTS was not run here: recorded {where}; frames as {facts['frame_dtype']}"

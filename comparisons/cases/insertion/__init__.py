@@ -1,0 +1,1 @@
+"""Cases of particles that come while a scene runs."""
