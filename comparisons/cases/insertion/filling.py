@@ -196,8 +196,8 @@ CASE = kit.Case(
     title="Two sizes poured into a box",
     purpose=(
         "Balls of 6 mm and balls of about 4 mm, half of the mass each, are inserted at random places of the"
-        " upper part of a box, in a few fillings, and fall. The list of insertions is drawn before the run and"
-        " is the same in every code, so that the codes are compared ball by ball until rounding has"
+        " upper part of a box, in a few fillings, and fall. The list of insertions is drawn before the run"
+        " and is the same in every code, so that the codes are compared ball by ball until rounding has"
         " grown, and by the bed over seeds afterwards: packing fraction, coordination, contacts between the"
         " sizes, segregation by height."
     ),
