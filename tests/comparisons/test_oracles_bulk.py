@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from comparisons.oracles import column, gas, linear
+from comparisons.oracles import cohesion, column, gas, linear
+from comparisons.oracles.bodies import Bodies
 from comparisons.oracles.rolling import Arm, down_slope, resisted, sticking_limit, wound_stop
 from gpudem.contact.coefficients import pair_coefficients
 from gpudem.scene import Contact, Domain, Explicit, Material, Pair, Scene, Time
@@ -107,6 +108,18 @@ def test_stop_against_a_rolling_spring(damping):
             way -= wind  # an undamped spring swings about this place
             break
     assert wound_stop(speed, rate, wind, damping) == pytest.approx(way, rel=2e-4)
+
+
+@pytest.mark.parametrize("radius", [(0.003, 0.003), (0.003, 0.002), (0.003, math.inf)])
+def test_pull_off_of_a_cohesive_contact(radius):
+    """2/3 pi^3 k^3 R*^2/E*^2 where overlaps are small, and the density of a force gives that force."""
+    mass = tuple(math.inf if math.isinf(r) else 1.0 for r in radius)
+    one = Bodies((mass[0], mass[1]), radius, 1e6, 1e5, 1.0, 0.0)
+    small = 1e3
+    want = 2 / 3 * math.pi**3 * small**3 * one.radius_star**2 / one.young_star**2
+    assert cohesion.pull_off(one, small) == pytest.approx(want, rel=1e-4)
+    for force in (want, 1e6 * want):
+        assert cohesion.pull_off(one, cohesion.density_for(one, force)) == pytest.approx(force, rel=1e-6)
 
 
 @pytest.mark.parametrize(("phi", "z"), [(0.1, 1.52126), (0.2, 2.40625), (0.3, 3.97376), (0.49, 12.15559)])
