@@ -67,6 +67,7 @@ SLOW_ROWS = {
     r"test_precision.py::test_mixed_follows_every_law\[(own_|unlike|sjkr_|sjkr2_wall|torsion_|epsd3)": (
         "each law once"
     ),
+    r"test_precision.py::test_mixed_follows_every_law\[history_.*_resting": "oblique impacts",
     r"test_walls.py::test_mesh_agrees_with_binary\[(mesh_epsd2|mesh_cdt|mesh_no_history|periodic_ridge)": (
         "laws at planes; history on meshes; the case mesh_plane"
     ),

@@ -9,6 +9,8 @@ import pytest
 
 from gpudem.driver import simulate as run
 from gpudem.output.run import TRACE_COLUMNS
+from gpudem.solver.solver import Solver
+from tests.gpudem.beds import finish
 from tests.reference.emulator import emulate
 from tests.reference.scenes import AGREEMENT, OURS, two_spheres
 
@@ -39,3 +41,13 @@ def test_float32_agrees_to_its_own_rounding():
     assert np.abs(ours["position"] - theirs["position"]).max() < bound
     assert np.abs(ours["velocity"] - theirs["velocity"]).max() < 2e-3
     assert np.abs(ours["velocity"] - theirs["velocity"]).max() > 1e-9  # it was float32
+
+
+@pytest.mark.slow  # two launches of kernels of the full list for each law; the half list is tested above
+@pytest.mark.parametrize("name", [name for name in OURS if name.endswith("resting")])
+def test_both_sides_of_a_contact_agree(name):
+    """Detects a law that is not antisymmetric: with a full list each side computes its own force."""
+    half, full = (finish(Solver(OURS[name](), half_list=choice)) for choice in (True, False))
+    for column in ("position", "velocity", "angular_velocity"):
+        scale = np.abs(half[column]).max()
+        assert np.abs(half[column] - full[column]).max() < 1e-11 * scale, column

@@ -43,6 +43,7 @@ pytestmark = [
         (Spec(**{**FULL, "tangential": "history_capped"}), 128),
         *((Spec(precision=p, **MESH), most) for p, most in MESH_REGISTERS.items()),
         (Spec(**{**MESH, "meshes": "liggghts"}), MESH_REGISTERS["float64"]),
+        (Spec(normal="jkr", long_range=True, **MESH), MESH_REGISTERS["float64"]),
     ],
     ids=[
         "frictionless",
@@ -60,6 +61,7 @@ pytestmark = [
         "mesh mixed",
         "mesh float32",
         "mesh liggghts",
+        "mesh jkr",
     ],
 )
 def test_no_spills(spec, registers):

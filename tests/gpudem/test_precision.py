@@ -10,20 +10,20 @@ from gpudem.driver import simulate as run
 from gpudem.scene import Scene
 from tests.gpudem.beds import gas
 from tests.reference.emulator import emulate
-from tests.reference.scenes import AGREEMENT
+from tests.reference.scenes import AGREEMENT, OURS
 
 pytestmark = pytest.mark.long
 
 COLUMNS = ("position", "velocity", "angular_velocity")
 
 
-@pytest.mark.parametrize("name", [name for name in AGREEMENT if "bed" not in name])
+@pytest.mark.parametrize("name", [name for name in [*AGREEMENT, *OURS] if "bed" not in name])
 def test_mixed_follows_every_law(name):
     """1e-6 of the scale, in positions 1e-7: forces carry 6e-8, a contact adds up some hundred of them.
 
     With cohesion twice that: a normal force is the difference of two, each with 6e-8 of its own size.
     """
-    scene = AGREEMENT[name]()
+    scene = (AGREEMENT | OURS)[name]()
     ours, theirs = run(scene, precision="mixed").trace, emulate(scene)
     for column in COLUMNS:
         scale = max(np.abs(theirs[column]).max(), 1e-300)

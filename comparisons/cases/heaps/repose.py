@@ -118,15 +118,15 @@ CASE = kit.Case(
             catches="heaps that flow apart, or stand as columns",
         ),
         kit.per_code(
-            "root mean square speed at the end", measures.moving, tolerance=0.01, unit="m/s",
+            "root mean square speed at the end", measures.moving, tolerance=0.02, unit="m/s",
             against="rest",
             reason="the tube pours at 0.1 m/s; of hundreds of balls one or two may still roll on the floor",
             catches="a heap measured before it is at rest",
         ),
         kit.per_code(
-            "share of the balls that are not part of the heap", measures.loose, tolerance=0.1, unit="1",
+            "share of the balls that are not part of the heap", measures.loose, tolerance=0.14, unit="1",
             against="one heap",
-            reason="of 400 balls some 55 lie at its foot on the rough floor, and some of them touch no other",
+            reason="of 400 balls some 55, 14 %, lie at its foot on the rough floor; most touch another",
             catches="balls that a tube carries along, or that lie apart on the floor",
         ),
         kit.check(

@@ -20,10 +20,12 @@ def history_rotated(c: Any, p: Any, kt: Any, ct: Any, fn: Any, spring: Any):
     does not turn the spring.
     Source: Thornton, Cummins & Cleary, Powder Technol. 233 (2013) 30.
     """
-    old = wp.dot(spring, spring)
-    s = spring - wp.dot(spring, c.normal) * c.normal
+    along = wp.dot(spring, c.normal)
+    s = spring - along * c.normal
     left = wp.dot(s, s)
-    stretch = wp.sqrt(old / wp.where(left > type(left)(0.0), left, type(left)(1.0)))
+    # 1 to the last bit where nothing turns; a quotient of two lengths would add noise in every step
+    one = type(left)(1.0)
+    stretch = wp.sqrt(one + along * along / wp.where(left > type(left)(0.0), left, one))
     s = stretch * s + c.slide  # mutate: spring_length
     limit = p.friction * wp.abs(fn)
     trial_squared = kt * kt * wp.dot(s, s)
