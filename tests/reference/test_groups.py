@@ -72,7 +72,8 @@ def test_agrees_with_binary(options, tmp_path, liggghts):
     for name in held:
         scale = ours.history[name].abs().max()
         assert scale > 0 or "rest" in name
-        assert np.abs(run.history[name] - ours.history[name]).max() <= TOLERANCE * scale, name
+        off = np.abs(run.history[name] - ours.history[name]).max()
+        assert off <= TOLERANCE * scale + 1e-15, name  # their weight, 0.1 N, is taken off
     theirs = list(run.frames)[-1]
     assert np.array_equal(theirs["force"], run.trace["force"][-1])
     assert np.array_equal(theirs["torque"], run.trace["torque"][-1])
