@@ -14,6 +14,20 @@ def opened(
     return Bad(name, {DOMAIN: f"{DOMAIN}sides = {sides}\n", **(more or {})}, expected, problems)
 
 
+REMOVE = """name = "bottom"
+every = 0.01
+region = { kind = "block", lo = [-0.1, -0.1, 0.0], hi = [0.1, 0.1, 0.02] }
+"""
+REGION = REMOVE[REMOVE.index("region") :]
+PLANE = "point = [0.0, 0.0, 0.02]\nnormal = [0.0, 0.0, -1.0]\n"
+
+
+def removed(name: str, old: str, new: str, *expected: str, problems: int = 1) -> Bad:
+    """The good scene with a removal, in which `old` is replaced by `new`."""
+    assert REMOVE.count(old) == 1, f"{old!r} must stand in the removal exactly once"
+    return Bad(name, {"[domain]": f"[[remove]]\n{REMOVE.replace(old, new)}[domain]"}, expected, problems)
+
+
 REMOVALS = [
     opened("open side of an unknown name", '{ zlow = "outflow" }', "domain.sides.zlow"),
     opened("open side of an unknown kind", '{ xlo = "open" }', "domain.sides.xlo = 'open'", "outflow"),
@@ -28,4 +42,26 @@ REMOVALS = [
         problems=2,
         more={'kind = "plane"\nname = "floor"': 'kind = "box"\nname = "floor"',
               'point = [0.0, 0.0, 0.0]\nnormal = [0.0, 0.0, 1.0]\n': ""}),
+    removed("removal without a name", 'name = "bottom"\n', "", "remove[0].name: missing"),
+    removed("removal without interval", "every = 0.01\n", "", "remove[0].every: missing [s]"),
+    removed("removal at interval zero", "0.01\n", "0.0\n", "remove[0].every = 0.0: out of range; allowed: 0 < value [s]"),
+    removed("removal at an interval beyond the end", "0.01\n", "0.2\n",
+        "remove[0].every = 0.2 s: longer than time.duration = 0.1 s"),
+    removed("removal without a rule", REGION, "", "remove[0]", "one of point and normal, region, age must be stated, not none"),
+    removed("removal with two rules", REGION, REGION + PLANE, "must be stated, not point, region"),
+    removed("removal by a plane without normal", REGION, PLANE[: PLANE.index("normal")], "normal: missing; a plane has both"),
+    removed("removal beyond a plane that is nowhere", REGION, PLANE.replace("0.02", "-0.02"),
+        "remove[0].point: no part of the domain is beyond the plane"),
+    removed("removal of all", REGION, PLANE.replace("0.02", "0.5"), "remove[0].point: all of the domain is beyond"),
+    removed("removal from a region outside", "[-0.1, -0.1, 0.0], hi = [0.1, 0.1, 0.02]", "[1.0, 0.0, 0.0], hi = [2.0, 1.0, 1.0]",
+        "remove[0].region: outside the domain"),
+    removed("removal from an unknown region", '"block"', '"cube"', "remove[0].region.kind = 'cube': unknown"),
+    removed("removal of age zero", REGION, "age = 0.0\n", "remove[0].age = 0.0: out of range; allowed: 0 < value [s]"),
+    removed("removal by age where nothing comes", REGION, "age = 0.05\n", "remove[0].age: only inserted particles have an age"),
+    removed("removal with an unknown key", "every", "interval = 1.0\nevery", "remove[0].interval: unknown key"),
+    Bad("two removals of one name", {"[domain]": f"[[remove]]\n{REMOVE}[[remove]]\n{REMOVE}[domain]"},
+        ("remove: name 'bottom' given twice",)),
+    Bad("removal named as an open side",
+        {"[domain]": "[[remove]]\n" + REMOVE.replace("bottom", "xlo") + "[domain]",
+         DOMAIN: DOMAIN + 'sides = { xlo = "outflow" }\n'}, ("remove: name 'xlo' given twice; sides have their names",)),
 ]  # fmt: skip

@@ -367,7 +367,7 @@ def _outside(scene: Scene, whole: dict[str, np.ndarray]) -> int:
     bad = ~np.isfinite(position) | (position < lo - slack) | (position > hi + slack)
     there = np.less_equal(scene.arrival_steps, whole["step"][:, None])
     if scene.exits:  # those that have left are in no later row
-        missing = np.isnan(position).any(axis=2)
+        missing = np.isnan(position[..., 0])
         there = there & ~np.logical_and.accumulate(missing[::-1])[::-1]
     bad &= there[..., None]
     return int(bad.any(axis=(0, 2)).sum())

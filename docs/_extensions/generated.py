@@ -68,6 +68,7 @@ def scene_page() -> str:
         motion,
         phases,
         regions,
+        removal,
         sections,
         sources,
         wall_kinds,
@@ -92,6 +93,7 @@ def scene_page() -> str:
             f'Distribution of radii with kind = "{kind}"': section
             for kind, section in distributions.DISTRIBUTIONS.items()
         },
+        "[[remove]]": removal.Remove,
         "[[groups]]": groups.Group,
         "[[phases]]": phases.Phase,
         "[[phases.pairs]]": phases.PairChange,

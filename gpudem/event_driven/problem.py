@@ -207,7 +207,7 @@ def _unsupported_features(scene: Scene, guard: float, tangential: float | None) 
         found.append("groups: hard spheres all move freely")
     if scene.insert:
         found.append("insert: hard spheres are all there at the start")
-    found += [f"domain.sides.{stated.name}: hard spheres cannot leave" for stated in scene.exits]
+    found += [f"{stated.name}: particles leave: hard spheres stay to the end" for stated in scene.exits]
     if "restitution" not in scene.normal_law.reads:
         found.append(
             f"contact.normal = {scene.contact.normal!r}: does not use pairs.restitution, the input of hard"

@@ -173,6 +173,14 @@ def of_exit(name: str) -> list[Observable]:
     ]
 
 
+def with_rates(history: pandas.DataFrame, exits: Sequence[str]) -> pandas.DataFrame:
+    """A history with removal_rate_NAME [kg/s] of these exits: mass that left since the last row, by time."""
+    for name in exits:
+        if (mass := f"removed_mass_{name}") in history:
+            history[f"removal_rate_{name}"] = (history[mass].diff() / history["time"].diff()).fillna(0.0)
+    return history
+
+
 # -- those of gpudem -----------------------------------------------------------------------------------------
 
 

@@ -179,4 +179,5 @@ class Recorder:
 
         names = [*observables.ALWAYS, *(column.name for column in self._columns)]
         table = pandas.DataFrame(self._history, columns=names)
-        return table.astype({"step": int} | {c.name: int for c in self._columns if c.integer})
+        table = table.astype({"step": int} | {c.name: int for c in self._columns if c.integer})
+        return observables.with_rates(table, [stated.name for stated in self.scene.exits])

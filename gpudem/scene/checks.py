@@ -67,7 +67,7 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
     walls = walls and run_check(wall_checks.meshes, "walls")
     walls = walls and domain and run_check(wall_checks.statements, "walls", "domain")
     if walls:
-        run_check(removal.problems, "walls", "domain")
+        run_check(removal.problems, "walls", "domain", "time", "insert", "remove")
     units = run_check(_material_units, "materials", "allow")
     units = run_check(_gravity_units, "gravity", "phases", "allow") and units
     run_check(_pair_units, "pairs", "phases", "allow")

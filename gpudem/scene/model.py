@@ -32,7 +32,7 @@ from gpudem.scene.motion import Servo
 from gpudem.scene.packing import InitialState, lattice
 from gpudem.scene.particle_files import ParticleFile, read_particles
 from gpudem.scene.phases import Phase
-from gpudem.scene.removal import Exit
+from gpudem.scene.removal import Exit, Remove
 from gpudem.scene.sections import (
     LATER_OF_CONTACT,
     OF_MESHES,
@@ -104,6 +104,8 @@ class Scene(Model):
     """The particles at the start; may be left out where some are inserted."""
     insert: tuple[InsertSection, ...] = ()
     """Particles inserted during the run."""
+    remove: tuple[Remove, ...] = ()
+    """Particles that leave during the run."""
     groups: tuple[Group, ...] = ()
     """Particles that contacts do not move."""
     phases: tuple[Phase, ...] = ()
@@ -224,8 +226,9 @@ class Scene(Model):
         data["insert"] = [_hashed(columns, digest) for columns in self._insertion_columns()]
         if not self.insert:
             del data["insert"]
-        if not self.phases:
-            del data["phases"]
+        for key in ("phases", "remove"):
+            if not data[key]:
+                del data[key]
         del data["groups"]
         if self.groups:
             data["held"] = _hashed(self.held, digest)

@@ -24,7 +24,7 @@ from gpudem.solver.neighbor_kernels import (
     fill_kernel,
     gather_kernel,
 )
-from gpudem.solver.removal import exit_array, exit_kernel
+from gpudem.solver.removal import Exits, exit_kernel
 from gpudem.solver.reports import (
     DEEP_IN_WALL,
     LOST,
@@ -129,7 +129,7 @@ class NeighborList:
         self.scratch.x_at_rebuild = state.particles.x_at_rebuild  # rebuilding writes it anew
         for name in self._permuted_arrays:
             setattr(self.scratch, name, wp.zeros_like(getattr(state.particles, name)))
-        self.exits = exit_array(scene, spec, device)
+        self.exits = Exits(scene, spec, device) if scene.exits else None
         self.kernels = {
             "cells": cell_kernel(spec),
             "gather": gather_kernel(spec),
@@ -329,10 +329,11 @@ class NeighborList:
         if key not in self._launches:
             p, now, walls = state.particles, state.now, self.walls
             cells = [self.grids, self.key, self.cell_start, self.order]
+            of_exits = [self.exits.array, self.exits.until, self.exits.arrival] if self.exits else []
             lists = [self.neighbor, self.spring, self.rolling_torque, self.rise]
             inputs, outputs = {
                 "cells": ([self.grids], [p, now, self.key, self.order, self.status]),
-                "leave": ([self.cells, self.exits, now], [self.key]),
+                "leave": ([self.cells, *of_exits, p.id, now], [self.key]),
                 "gather": ([self.order, now, p], [state.next, self.scratch]),
                 "count": ([p, walls, *cells], [self.count, self.neighbor_count, self.cache, self.status]),
                 "fill": (

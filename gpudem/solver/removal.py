@@ -1,4 +1,4 @@
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportIndexIssue=false, reportInvalidTypeForm=false
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportIndexIssue=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 """Particles that leave: found at a rebuild of the list, sorted behind the others, counted by the host."""
 
 import functools
@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from gpudem.scene import Scene
+from gpudem.scene.removal import AGE, BLOCK, PLANE, SPHERE
 from gpudem.solver.body import body_reader, body_struct
 from gpudem.solver.device import compile_kernels
 from gpudem.solver.spec import Spec
@@ -16,35 +17,43 @@ from gpudem.solver.state import structs
 
 @functools.cache
 def exit_struct(precision: str) -> Any:
-    """The struct `Exit`: a plane beyond which particles leave."""
+    """The struct `Exit`, as `gpudem.scene.removal.Exit`."""
     wide3 = structs(precision).wide3
 
     @wp.struct
     class Exit:
+        kind: wp.int32
         point: wide3  # [m]
-        inwards: wide3  # unit normal
+        vector: wide3  # [1] or [m]
+        size: wide3  # [m]
 
     return Exit
 
 
-def exit_array(scene: Scene, spec: Spec, device: Any) -> Any:
-    """The exits of a scene on the device, shape (e,); None without any."""
-    if not scene.exits:
-        return None
-    kind, wide3 = exit_struct(spec.precision), structs(spec.precision).wide3
-    found = []
-    for stated in scene.exits:
-        one = kind()
-        one.point, one.inwards = wide3(*stated.point), wide3(*stated.inwards)
-        found.append(one)
-    return wp.array(found, dtype=kind, device=device)
-
-
 @functools.cache
 def exit_kernel(spec: Spec) -> Any:
-    """Gives particles that leave keys behind those of all cells: the number of cells + the exit."""
+    """Gives particles that leave keys behind those of all cells: the number of cells + the exit.
+
+    Of each exit `until` says whether it is looked for (>= 0), and by age the last step whose particles leave.
+    """
     t = structs(spec.precision)
     Exit, position_of = exit_struct(spec.precision), body_reader(spec, "position")
+    wide, wide3 = t.wide, t.wide3
+
+    @wp.func
+    def is_inside(at: Exit, x: wide3):
+        d = x - at.point
+        if at.kind == wp.static(PLANE):
+            return wp.dot(d, at.vector) < wide(0.0)
+        if at.kind == wp.static(BLOCK):
+            e = at.vector - x
+            return wp.min(wp.min(d), wp.min(e)) >= wide(0.0)  # mutate: in_block
+        if at.kind == wp.static(SPHERE):
+            return wp.dot(d, d) <= at.size[0] * at.size[0]
+        z = wp.dot(d, at.vector)
+        across = d - z * at.vector
+        radius = at.size[0] + (at.size[1] - at.size[0]) * z / at.size[2]  # mutate: in_cone
+        return z >= wide(0.0) and z <= at.size[2] and wp.dot(across, across) <= radius * radius
 
     @wp.kernel(module="unique", enable_backward=False)
     def find_leaving(
@@ -54,6 +63,9 @@ def exit_kernel(spec: Spec) -> Any:
         cells: wp.int32,
         # in
         exits: wp.array[Exit],
+        until: wp.array[wp.int32],
+        arrival: wp.array[wp.int32],
+        id: wp.array[wp.int32],
         now: wp.array[body_struct(spec)],
         # out
         key: wp.array[wp.int32],
@@ -61,12 +73,54 @@ def exit_kernel(spec: Spec) -> Any:
         i = begin + wp.tid()
         x = position_of(now, i)
         for e in range(exits.shape[0]):
+            if until[e] < 0:
+                continue
             at = exits[e]
-            if wp.dot(x - at.point, at.inwards) < t.wide(0.0):  # mutate: beyond_side
+            leaves = False
+            if at.kind == wp.static(AGE):
+                came = arrival[id[i]]
+                leaves = came > 0 and came <= until[e]  # mutate: old_enough
+            else:
+                leaves = is_inside(at, x)
+            if leaves:  # mutate: beyond_side
                 key[i] = cells + e  # mutate: key_of_exit
                 return
 
     return find_leaving
+
+
+class Exits:
+    """The exits of a scene on the device, and which of them are looked for at the next rebuild."""
+
+    def __init__(self, scene: Scene, spec: Spec, device: Any):
+        kind, wide3 = exit_struct(spec.precision), structs(spec.precision).wide3
+        found = []
+        for stated in scene.exits:
+            one = kind()
+            one.kind = stated.kind
+            one.point, one.vector, one.size = wide3(*stated.point), wide3(*stated.vector), wide3(*stated.size)
+            found.append(one)
+        self._stated = scene.exits
+        self.array = wp.array(found, dtype=kind, device=device)
+        steps = scene.arrival_steps if any(e.kind == AGE for e in scene.exits) else np.zeros(1, np.int64)
+        self.arrival = wp.array(steps.astype(np.int32), dtype=wp.int32, device=device)
+        self.until = wp.zeros(len(found), dtype=wp.int32, device=device)
+        self.look_in(None)
+
+    def __len__(self) -> int:
+        return len(self._stated)
+
+    def next_after(self, step: int) -> int | None:
+        """The next step in which a `[[remove]]` is decided."""
+        return min(((step // e.every + 1) * e.every for e in self._stated if e.every), default=None)
+
+    def look_in(self, step: int | None) -> None:
+        """From now on for open sides, and for what is decided in a step; None: for open sides only."""
+        until = []
+        for stated in self._stated:
+            decided = stated.every == 0 or (step is not None and step % stated.every == 0)
+            until.append(((step or 0) - stated.age) if decided else -1)
+        self.until.assign(np.array(until, np.int32))
 
 
 @wp.kernel(enable_backward=False)

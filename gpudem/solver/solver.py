@@ -224,6 +224,7 @@ class Solver:
         self._leave_written_step()
         while steps > 0:
             self._move_walls(self.step_count + 1)
+            self._remove(self.step_count + 1)
             self._insert(self.step_count + 1)
             if self._needs_rebuild:
                 self._rebuild()
@@ -238,6 +239,7 @@ class Solver:
         """One more step, whose positions, velocities and forces can then be read; `last`: stay there."""
         self._leave_written_step()
         self._move_walls(self.step_count + 1)
+        self._remove(self.step_count + 1)
         self._insert(self.step_count + 1)
         if self._needs_rebuild:
             self._rebuild()
@@ -304,7 +306,18 @@ class Solver:
         after = bisect.bisect_right(self.scene.insertion_steps, self.step_count + 1)
         for step in self.scene.insertion_steps[after : after + 1]:
             steps = min(steps, step - self.step_count - 1)  # mutate: steps_to_insertion
+        if self.neighbors.exits is not None:
+            removal = self.neighbors.exits.next_after(self.step_count + 1)
+            steps = steps if removal is None else min(steps, removal - self.step_count - 1)
         return max(1, self._motion.steps_within(self.step_count + 1, steps)) if self._motion else steps
+
+    def _remove(self, step: int) -> None:
+        """Has the list rebuilt in a step in which a `[[remove]]` is decided, before its forces."""
+        exits = self.neighbors.exits
+        if exits is not None and exits.next_after(step - 1) == step:
+            exits.look_in(step)
+            self._rebuild()  # mutate: rebuild_to_remove
+            exits.look_in(None)
 
     def _insert(self, step: int) -> None:
         """Puts the particles that come in a step behind those that are there, before its forces."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gpudem.output import observables
 from gpudem.output.frames import FrameWriter
 from gpudem.output.run import HISTORY_COLUMNS, TRACE_COLUMNS
 from gpudem.output.vtu import Frame, FrameError, read_vtu
@@ -203,7 +204,8 @@ def history(scene: Scene, blocks: list[list[str]], raw: Path) -> pandas.DataFram
     kept = [*HISTORY_COLUMNS, *({"particles"} & set(scene.output.history or ()))]
     kept += [name for name in column if name.startswith("removed_")]
     usual = {name: column[name] for name in kept if name in column}
-    return pandas.DataFrame(usual | wall_loads.history(scene, raw, column) | groups.history(scene, column))
+    found = usual | wall_loads.history(scene, raw, column) | groups.history(scene, column)
+    return observables.with_rates(pandas.DataFrame(found), [stated.name for stated in scene.exits])
 
 
 def mean_count(scene: Scene, blocks: list[list[str]]) -> int:

@@ -72,7 +72,13 @@ def warnings(scene: Scene) -> list[str]:
 
 def check(scene: Scene, ranks: int = 1) -> None:
     """Raises LiggghtsCannotState listing every item of the scene that LIGGGHTS cannot state."""
-    found = [*_pairs(scene), *_laws(scene), *_insertions(scene, ranks), *_groups(scene)]
+    found = [
+        *_pairs(scene),
+        *_laws(scene),
+        *_insertions(scene, ranks),
+        *removal.problems(scene),
+        *_groups(scene),
+    ]
     for wall in scene.wall_elements:
         if isinstance(wall, Plane):
             found += [f"walls.{wall.name}{problem}" for problem in _plane(wall)]

@@ -18,6 +18,14 @@ from reference.liggghts.walls import number
 MOST_STEPS = 10
 
 
+def problems(scene: Scene) -> list[str]:
+    """What LIGGGHTS has no words for."""
+    return [
+        f"remove.{stated.name}: in LIGGGHTS particles leave through open sides only"
+        for stated in scene.remove
+    ]
+
+
 def checked_every(stride: int) -> int:
     """Steps between two counts of the particles beyond closed sides; `stride`: those between thermo lines."""
     return max(d for d in range(1, min(stride, MOST_STEPS) + 1) if stride % d == 0)

@@ -94,7 +94,8 @@ def chosen(scene: Scene) -> list[str] | None:
     """Names of the history's columns where a scene chooses them; None: all."""
     if scene.output.history is None:
         return None
-    exits = [f"removed_{part}{stated.name}" for stated in scene.exits for part in ("", "mass_")]
+    parts = ("removed", "removed_mass", "removal_rate")
+    exits = [f"{part}_{stated.name}" for stated in scene.exits for part in parts]
     walls = [name for wall in _wanted(scene) for name in _names(scene, wall)]
     return [*scene.output.history, *walls, *groups.names(scene), *exits]
 

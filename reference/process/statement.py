@@ -52,7 +52,7 @@ def facts(scene: Scene) -> contract.SceneFacts:
     if scene.insert:
         raise CannotState("insert: scene.json has the particles at the start only")
     if scene.exits:
-        raise CannotState("domain.sides: scene.json has the same particles to the end")
+        raise CannotState(f"{scene.exits[0].name}: particles leave: scene.json has the same to the end")
     state, steps = scene.state, wanted_steps(scene)
     names = list(scene.materials)
     return contract.SceneFacts(

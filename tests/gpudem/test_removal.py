@@ -1,5 +1,7 @@
 """Particles that leave while the solver runs."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from gpudem.scene import Scene
 from gpudem.solver.solver import Solver
 from tests.gpudem.beds import MATERIALS, PAIRS, finish, gas, same
 from tests.gpudem.removals import draining
+from tests.gpudem.test_insertion import falling
 from tests.gpudem.test_restart import stopped_and_resumed
 
 STEP = 2e-5
@@ -49,6 +52,9 @@ def test_the_step_in_which_a_particle_leaves():
     assert found.history.particles.tolist() == [3] * 26 + [2] * (last - 25) + [1] * (2000 - last)
     assert found.history.removed_xhi.eq(3 - found.history.particles).all()
     assert found.history.removed_mass_xhi.iloc[-1] == masses[0] + masses[1]
+    rate = found.history.removal_rate_xhi
+    assert rate[26] == pytest.approx(masses[0] / STEP)
+    assert rate.sum() * STEP == pytest.approx(masses[0] + masses[1])
     energy = 0.5 * masses * np.array((4.0, 1.0, 1.0))
     assert found.history.kinetic_energy.iloc[-1] == pytest.approx(energy[2], rel=1e-12)
     assert found.timing.particles == round((3 * 25 + 2 * (last - 25) + 2000 - last) / 2000)
@@ -93,7 +99,7 @@ def whole(tmp_path_factory) -> Run:
 
 def recorded() -> Scene:
     output = {"frames_every": 0.01, "history_every": 0.001, "restart_every": 0.0005}
-    return draining(100, output=output)
+    return removing(output=output)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -106,7 +112,7 @@ def test_two_parts_are_one_run(whole, tmp_path, seed):
     assert whole.history is not None
     assert parts.history is not None
     assert whole.history.equals(parts.history)
-    assert whole.history.removed_xhi.iloc[-1] > 50
+    assert whole.history[["removed_xhi", "removed_corner", "removed_old"]].iloc[-1].min() > 5
     assert whole.timing.particles == parts.timing.particles
 
 
@@ -119,7 +125,8 @@ def test_run_directory(whole):
     assert again.history.equals(whole.history)
     counts = [len(frame["id"]) for frame in again.frames]
     come = [whole.scene.count_at(step) for step in whole.history.step[::10]]
-    assert (np.array(come) - counts == whole.history.removed_xhi[::10]).all()
+    gone = whole.history[["removed_xhi", "removed_corner", "removed_old"]].sum(axis=1)
+    assert (np.array(come) - counts == gone[::10]).all()
     for frame in again.frames:
         assert np.array_equal(frame["radius"], whole.scene.state.radius[frame["id"] - 1])
 
@@ -165,3 +172,76 @@ def test_through_periodic_sides():
     moved = simulation.column("unwrapped_position") - scene.state.position[frame["id"] - 1]
     assert np.abs(moved).max() < 0.05
     assert np.abs(moved).max() > 0.01
+
+
+REGIONS: dict[str, dict[str, Any]] = {
+    "block": {"kind": "block", "lo": (-0.4, -0.4, -0.4), "hi": (-0.1, 0.1, 0.3)},
+    "ball": {"kind": "sphere", "center": (0.2, 0.1, 0.1), "radius": 0.22},
+    "tube": {"kind": "cylinder", "point": (-0.1, 0.2, -0.3), "axis": (1, 1, 2), "length": 0.5,
+             "radius": 0.15},
+    "cone": {"kind": "cone", "point": (0.1, -0.4, 0.0), "axis": (0, 1, 0), "length": 0.5, "radius": 0.3,
+             "end_radius": 0.05},
+}  # fmt: skip
+
+
+def test_regions_and_a_plane():
+    """Detects: a region of another place or size, a plane of the other side, exits mixed up."""
+    place = np.stack(np.meshgrid(*3 * [np.linspace(-0.45, 0.45, 10)], indexing="ij"), axis=-1).reshape(-1, 3)
+    place = place + np.random.default_rng(3).uniform(-0.02, 0.02, place.shape)
+    removals = [{"name": name, "every": STEP, "region": region} for name, region in REGIONS.items()]
+    removals += [{"name": "above", "every": STEP, "point": (0, 0.1, 0.3), "normal": (0, 3, 4)}]
+    scene = parting(
+        particles={"source": "explicit", "position": place, "radius": 0.001, "material": "ball"},
+        domain={"lo": (-0.5, -0.5, -0.5), "hi": (0.5, 0.5, 0.5)}, remove=removals,
+        output={"frames_every": STEP}, time={"step": STEP, "duration": 2 * STEP},
+    )  # fmt: skip
+    simulation = Solver(scene)
+    left = set(finish(simulation)["id"].tolist())
+    inside = [stated.region.depth(place) >= 0 for stated in scene.remove if stated.region is not None]
+    inside.append((place - (0, 0.1, 0.3)) @ (0, 3, 4) > 0)
+    first = np.where(np.any(inside, axis=0), np.argmax(inside, axis=0), -1)
+    assert np.array_equal(simulation.departures.exit, first)
+    assert left == set((np.flatnonzero(first < 0) + 1).tolist())
+    assert min(np.bincount(first[first >= 0])) > 10
+    assert set(simulation.departures.step[first >= 0].tolist()) == {1}
+
+
+def test_age():
+    """Detects: an age counted from the start, a decision in other steps, balls of the start that leave."""
+    scene = falling(remove=[{"name": "old", "every": 3 * STEP, "age": 5 * STEP}])
+    found = run(scene)
+    assert found.trace is not None
+    there = np.isfinite(found.trace["position"][..., 0])
+    # inserted in step 5: at least 5 steps old in step 12, a multiple of 3; in step 9: in step 15
+    for particle, (begin, end) in enumerate([(0, 21), (5, 12), (9, 15), (9, 15)]):
+        assert np.flatnonzero(there[:, particle]).tolist() == list(range(begin, end))
+    assert found.history is not None
+    assert found.history.removed_old.tolist() == [0] * 12 + [1] * 3 + [3] * 6
+
+
+def removing(count: int = 100, **changes) -> Scene:
+    """`draining`, from which a block and age take particles too."""
+    block = {"kind": "block", "lo": (0, 0, 0), "hi": (0.03, 0.05, 0.01)}
+    stated = [
+        {"name": "corner", "every": 2.1e-3, "region": block},
+        {"name": "old", "every": 1e-3, "age": 0.02},
+    ]
+    return draining(count, **{"remove": stated, **changes})
+
+
+@pytest.mark.parametrize("options", [{"threads": 2}, {"chunk": 32}], ids=str)
+def test_removing_is_bit_identical(options):
+    """Detects: launches beyond the step of a decision, a decision for the rebuild before or after it."""
+    one, other = Solver(removing(600), threads=1), Solver(removing(600), **{"threads": 1, **options})
+    same(finish(one), finish(other))
+    assert np.array_equal(one.departures.step, other.departures.step)
+    assert min(left for left, _mass in one.departures.totals().values()) > 20
+
+
+def test_removing_in_graphs_is_bit_identical():
+    """The same with rebuilds within a chunk, as on a GPU."""
+    frames = [
+        finish(Solver(removing(200), threads=1, half_list=False, chunk=chunk, rebuild_in_graph=inside))
+        for chunk, inside in ((1, False), (32, True))
+    ]
+    same(*frames)

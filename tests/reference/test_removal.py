@@ -9,7 +9,7 @@ from gpudem.driver import simulate
 from gpudem.scene import Scene
 from reference import liggghts as code
 from reference.liggghts.deck import render
-from reference.liggghts.errors import LiggghtsFailed
+from reference.liggghts.errors import LiggghtsCannotState, LiggghtsFailed
 from tests.reference.test_insertion import pouring
 
 #: Of a diameter, after some thousand steps with contacts.
@@ -91,6 +91,15 @@ def test_a_closed_side_is_still_an_error(tmp_path, liggghts):
         LiggghtsFailed, match="left the domain through a side that is not open, in or before step"
     ):
         code.run(running_out(walls=walls), tmp_path)
+
+
+def test_what_is_refused():
+    """Detects: a removal that LIGGGHTS leaves out without a word."""
+    removal = {"name": "old", "every": 0.01, "age": 0.01}
+    with pytest.raises(
+        LiggghtsCannotState, match=r"remove\.old: in LIGGGHTS particles leave through open sides"
+    ):
+        render(running_out(remove=[removal]))
 
 
 @pytest.mark.liggghts
