@@ -7,6 +7,7 @@ import pytest
 
 from comparisons.bench.registers import find_ptxas, kernel_resources, step_kernel_resources
 from gpudem.solver.neighbor_kernels import cell_kernel, count_kernel, fill_kernel, gather_kernel
+from gpudem.solver.removal import exit_kernel
 from gpudem.solver.spec import Spec
 
 FULL = {"tangential": "history", "rotation": True, "gravity": True, "walls": ("plane",)}
@@ -92,7 +93,8 @@ def test_motion_moves_in_words_of_16_bytes(precision, loads, stores):
 def test_rebuild_without_spills(given):
     """The launches of a rebuild. Their stack holds the few numbers that are picked by axis at run time."""
     spec = Spec(**given)
-    for kernel in (cell_kernel(spec), gather_kernel(spec), count_kernel(spec), fill_kernel(spec)):
+    kernels = (cell_kernel, exit_kernel, gather_kernel, count_kernel, fill_kernel)
+    for kernel in (make(spec) for make in kernels):
         found = kernel_resources(kernel)
         assert found.spill_bytes == 0
         assert found.stack_bytes <= 72, kernel.key  # 3 x 3 float64

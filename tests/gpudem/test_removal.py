@@ -7,7 +7,9 @@ import pytest
 
 from gpudem import Simulation
 from gpudem.driver import simulate as run
+from gpudem.output import observables
 from gpudem.output.run import Run
+from gpudem.output.view import DeviceView
 from gpudem.scene import Scene
 from gpudem.solver.solver import Solver
 from tests.gpudem.beds import MATERIALS, PAIRS, finish, gas, same
@@ -239,9 +241,35 @@ def test_removing_is_bit_identical(options):
 
 
 def test_removing_in_graphs_is_bit_identical():
-    """The same with rebuilds within a chunk, as on a GPU."""
-    frames = [
-        finish(Solver(removing(200), threads=1, half_list=False, chunk=chunk, rebuild_in_graph=inside))
-        for chunk, inside in ((1, False), (32, True))
-    ]
+    """The same with graphs and rebuilds within them, as on a GPU. Detects: a graph of the number before."""
+    frames = []
+    for chunk, inside in ((1, False), (32, True)):
+        simulation = Solver(removing(200), threads=1, half_list=False, chunk=chunk, rebuild_in_graph=inside)
+        simulation.graphs = inside
+        frames.append(finish(simulation))
     same(*frames)
+
+
+@pytest.mark.gpu
+def test_agrees_on_cuda(plain):
+    """Detects: an index that only the CPU forgives, rows by id of those that were there before."""
+    frame = finish(Solver(draining(), device="cuda:0"))
+    assert np.array_equal(frame["id"], plain["id"])
+    assert np.abs(frame["position"] - plain["position"]).max() < 1e-6
+
+
+def test_reductions_on_a_device():
+    """Detects: masses and radii of particles that have left in sums that a device does."""
+    with Simulation(parting()) as sim:
+        scalars: dict[str, Any] = {}
+        for steps, left in ((10, 0), (90, 1), (1000, 2)):
+            sim.step(steps)
+            solver = sim._solver
+            there = DeviceView(
+                sim.scene, sim.step_count, sim._column, scalars,
+                rows=solver.rows, removed=solver.departures.totals,
+            )  # fmt: skip
+            assert len(there) == 3 - left
+            assert there.total("mass") == sim.scene.masses[left:].sum()
+            for name in ("kinetic_energy", "centre_x", "particles", "front_x"):
+                assert observables.get(name)(there) == pytest.approx(sim.observe(name), rel=1e-14), name
