@@ -23,7 +23,8 @@ ANGLES, TIMES = (0.0, math.radians(26.0), math.radians(8.0)), (0.2, 0.28, 0.5)
 SHORT, EARLY = "short", (0.035, 0.045, 0.055)
 #: At the end of a phase at rest, forces are means over this time [s], some periods of the bed's vibration.
 MEAN = 0.03
-STEP, INTERVAL = 2e-5, 4e-4
+#: Time step, intervals of history and trace [s].
+STEP, INTERVAL, TRACE = 2e-5, 1e-3, 4e-3
 BASE = "base"
 
 
@@ -59,16 +60,18 @@ def scene(seed: int = 1) -> Scene:
         phases=tuple(Phase(start=t, gravity=pull(a)) for t, a in zip(TIMES, ANGLES[1:], strict=False)),
         domain=Domain(lo=tuple(low.tolist()), hi=tuple(high.tolist()), periodic=(True, True, False)),
         time=Time(step=STEP, duration=TIMES[-1]),
-        output=Output(trace_every=INTERVAL, history_every=INTERVAL, group_forces=(BASE,)),
+        output=Output(trace_every=TRACE, history_every=INTERVAL, group_forces=(BASE,)),
     )  # fmt: skip
 
 
 def short() -> Scene:
-    """The chute tilted while the balls still fall, then with less friction; each step is in the trace."""
+    """The chute tilted while the balls still fall, then with less friction."""
     smooth = PairChange(materials=("grain", "grain"), friction=0.1, restitution=0.8)
     tilt, change, end = EARLY
     phases = (Phase(start=tilt, gravity=pull(ANGLES[1])), Phase(start=change, pairs=(smooth,)))
-    return scene().replace(name=SHORT, phases=phases, time={"duration": end})
+    return scene().replace(
+        name=SHORT, phases=phases, time={"duration": end}, output={"trace_every": INTERVAL}
+    )
 
 
 def variants(tier: kit.Tier) -> list[kit.Variant]:
@@ -101,7 +104,7 @@ def balance(results: kit.Results, code: str) -> dict[str, kit.Measured]:
     free, mass, steps = run.scene.held == FREE, run.scene.masses, run.trace["step"]
     weight = mass[free].sum() * run.scene.gravity_at(steps)
     on_free = run.trace["force"][:, free].sum(axis=1) - weight
-    on_base, largest = forces(run), np.abs(weight).max()
+    on_base, largest = forces(run)[np.isin(run.history["step"], steps)], np.abs(weight).max()
     off = float(np.abs(on_base + on_free).max() / largest)
     pushed = float(np.abs(on_base).max() / largest)
     return {"force": kit.Measured(off if pushed > 1 else math.nan, note=f"up to {pushed:.2g} weights")}
@@ -110,7 +113,7 @@ def balance(results: kit.Results, code: str) -> dict[str, kit.Measured]:
 def at_rest(results: kit.Results, code: str) -> dict[str, kit.Compared]:
     """Mean force on the base at the end of the phases at rest, beside the weight, by the weight."""
     run, found = chute(results, code), {}
-    time, free = run.trace["time"], run.scene.held == FREE
+    time, free = run.history["time"].to_numpy(), run.scene.held == FREE
     for k, end in ((0, TIMES[0]), (2, TIMES[2])):
         rows = (time > end - MEAN) & (time <= end + INTERVAL / 2)
         want, got = run.scene.masses[free].sum() * np.array(pull(ANGLES[k])), forces(run)[rows].mean(axis=0)
@@ -132,7 +135,7 @@ def stages(results: kit.Results, code: str) -> dict[str, kit.Measured]:
     """Whether the balls rest, flow and rest: ways [d] along the chute."""
     run = chute(results, code)
     way, time = unwrapped(run), run.trace["time"]
-    at = [int(np.searchsorted(time, t - INTERVAL / 2)) for t in TIMES]
+    at = [int(np.searchsorted(time, t - TRACE / 2)) for t in TIMES]
     flowed, last = way[at[1]] - way[at[0]], way[-1] - way[int(np.searchsorted(time, TIMES[2] - MEAN))]
     ratio = abs(last) / flowed if flowed > 0.5 else math.nan
     return {"way": kit.Measured(float(ratio), note=f"{flowed:.2f} d in the second phase")}
@@ -142,12 +145,12 @@ def _figure(results: kit.Results) -> plots.Figure:
     figure, (flow, force) = plots.figure(1, 2, width=plots.WHOLE, height=3.4)
     for code in results.codes():
         run = chute(results, code)
-        time, look = run.trace["time"], plots.line_or_marks(code, len(run.trace["time"]), lw=0.9)
+        time, look = run.history["time"].to_numpy(), plots.line_or_marks(code, len(run.history), lw=0.9)
         look["color"] = plots.color(code)
         mass = run.scene.masses[run.scene.held == FREE].sum()
-        weight = mass * run.scene.gravity_at(run.trace["step"])
+        weight = mass * run.scene.gravity_at(run.history["step"].to_numpy())
         scale = mass * 9.81
-        flow.plot(time, unwrapped(run), **look)
+        flow.plot(run.trace["time"], unwrapped(run), **{**look, "markevery": 5})
         for k, sign in ((0, 1), (2, -1)):
             force.plot(time, sign * forces(run)[:, k] / scale, **look)
             force.plot(time, sign * weight[:, k] / scale, color="black", lw=0.8, ls=":")
