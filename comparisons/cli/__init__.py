@@ -126,6 +126,27 @@ def resume(directory: Path, device: str, threads: int | None, quiet: bool) -> in
 
 @app.command()
 @SCENE
+@click.option(
+    "--until", type=click.Choice(["settled", "end"]), default="settled", show_default=True,
+    help="When the particles rest, or at the end of the run.",
+)  # fmt: skip
+@click.option(
+    "--fraction", type=click.FloatRange(1e-6, 1), default=1e-3, show_default=True,
+    help="Rest: the mean energy of a particle is below that of a fall of this fraction of a radius.",
+)  # fmt: skip
+@DEVICE
+@THREADS
+@click.option("--out", type=click.Path(path_type=Path), default=Path("bed.npz"), show_default=True)
+@QUIET
+def pack(scene: Path, out: Path, until: str, quiet: bool, **options: Any) -> int:
+    """Run a scene until its particles rest, and keep them as a file that [particles] path reads."""
+    from comparisons.cli import scene_commands as cli_scene
+
+    return cli_scene.pack(scene, out, until == "settled", quiet, **options)
+
+
+@app.command()
+@SCENE
 def deck(scene: Path) -> int:
     """Print the LIGGGHTS deck of a scene."""
     from comparisons.cli import scene_commands as cli_scene

@@ -1,4 +1,4 @@
-"""The commands about one scene: run, resume, animate, deck, validate."""
+"""The commands about one scene: run, resume, pack, animate, deck, validate."""
 
 from __future__ import annotations
 
@@ -152,6 +152,41 @@ def animate(directory: Path, out: Path, quiet: bool, **options: Any) -> int:
     if not quiet:
         click.echo(f"{count} frames, {out.stat().st_size / 1e6:.2f} MB", err=True)
     click.echo(out)
+    return 0
+
+
+def pack(path: Path, out: Path, until_settled: bool, quiet: bool, fraction: float, **options: Any) -> int:
+    """Make a bed and write it. Raises RunError."""
+    from gpudem import bed
+
+    scene = Scene.from_file(path)
+    if out.suffix != ".npz":
+        raise GpudemError(f"--out {out}: must end in .npz, which particles.path reads")
+    for warning in warnings(scene):
+        click.echo(f"warning: {warning}", err=True)
+    reporter = progress.reporter(quiet)
+    pace = reporter.begin(scene.name, len(scene.state), scene.n_steps)
+    try:
+        made = bed.make(
+            scene, until_settled=until_settled, fraction=fraction,
+            progress=lambda step: reporter.step(pace, step), **options,
+        )  # fmt: skip
+    except GpudemError as error:
+        raise RunError(f"{path}: {error}") from error
+    finally:
+        reporter.end(pace)
+        reporter.close()
+    made.write(out)
+    state = "settled" if made.settled else "not settled"
+    click.echo(
+        f"{len(made.radius)} particles at {made.time:.6g} s, {state}: mean energy that of a fall of"
+        f" {made.energy:.3g} radii\n{out}"
+    )
+    if until_settled and not made.settled:
+        click.echo(
+            f"warning: they still move at the end of the run; a longer time.duration, or a fraction above"
+            f" {fraction:g}, would let them settle", err=True,
+        )  # fmt: skip
     return 0
 
 

@@ -157,7 +157,7 @@ CHECKS = (
     kit.per_code(
         "kinetic energy of a ball at the end / that of a fall through a tenth of a small radius, largest",
         at_rest, tolerance=1.0, against="rest",
-        reason="as in `gpudem pack --until settled`: what still moves changes the bed by less than that",
+        reason="what still moves lifts or sinks the bed by less than a hundredth of its height",
         catches="measures of a bed that still falls, balls that never fell",
     ),
     kit.per_code(
