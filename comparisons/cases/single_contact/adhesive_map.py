@@ -152,19 +152,21 @@ def _figure(results: kit.Results) -> plots.Figure:
     return figure
 
 
+#: Error of the energy by that of adhesion: in proportion to the step.
+TOLERANCE: dict[kit.Tier, float] = {"quick": 0.06, "standard": 0.015, "full": 0.0075}
 CHECKS = (
-    kit.check(
+    *kit.checks(
         "jkr without damping: largest error in energy / energy that adhesion costs",
         lambda results: energy(results, False),
-        tolerance=0.06, against="closed form sqrt(1 - (sticking speed / speed)^2)", needs=("gpudem",),
+        TOLERANCE, against="closed form sqrt(1 - (sticking speed / speed)^2)", needs=("gpudem",),
         reason="the forces jump where a contact begins and breaks, and a step there is not whole: at most"
-        " (4/3 + 5/6) pi w R v dt, which is 6 % of the energy for the fastest drop in the quick tier",
+        " (4/3 + 5/6) pi w R v dt, 6 % of the energy for the fastest drop in the quick tier",
         catches="a sticking speed that is not (w^5 R^4/E^2)^(1/6), a contact that breaks at touch",
     ),
-    kit.check(
+    *kit.checks(
         "jkr with damping: largest error in energy / energy that adhesion costs",
         lambda results: energy(results, True),
-        tolerance=0.06, against="ODE", needs=("gpudem",),
+        TOLERANCE, against="ODE", needs=("gpudem",),
         reason="the jumps, as without damping; the dashpot of first order is small beside them",
         catches="a dashpot that does not act across a gap, or not with the contact radius",
     ),
