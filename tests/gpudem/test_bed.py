@@ -24,7 +24,7 @@ def pouring(**changes: Any) -> Scene:
     }  # fmt: skip
     late = {
         "kind": "list",
-        "time": 0.3,
+        "time": 0.9,
         "position": [(0.02, 0.02, 0.05)],
         "radius": 0.004,
         "material": "ball",
