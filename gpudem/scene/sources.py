@@ -246,9 +246,9 @@ class _Inserter:
             position, placed = place(
                 self.region, drawn.radius[rows[:count]], drawn.rng, source.attempts, self.around.flight, time
             )
-            if not whole or placed.all():
+            if not whole or placed.all():  # mutate: sizes_as_drawn
                 break
-            count = int(SHORTER * placed.sum())  # mutate: sizes_as_drawn
+            count = int(SHORTER * placed.sum())
         own = rows[:count][placed]
         spin = np.tile(np.array(source.angular_velocity), (len(own), 1))
         state = InitialState.build(
@@ -413,7 +413,7 @@ class Rated(Source):
         amount = rate * interval * np.arange(events + 1)
         if self.number_rate is not None:
             _require_possible(stated, amount[-1])
-            counts = np.floor(amount + 1e-9).astype(np.int64)  # mutate: number_by_rate
+            counts = np.floor(amount + 1e-9).astype(np.int64)
             drawn.draw(int(counts[-1]))
         else:
             drawn.until("mass", float(amount[-1]), stated)
