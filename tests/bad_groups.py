@@ -16,6 +16,7 @@ def grouped(name: str, old: str, new: str, *expected: str, problems: int = 1) ->
     return Bad(name, {"[domain]": f"[[groups]]\n{GROUP.replace(old, new)}[domain]"}, expected, problems)
 
 
+MOVED = "motion = [{ type = 'linear', velocity = [0.0, 0.0, 1.0] }]"
 TWICE = f"[[groups]]\n{GROUP}[[groups]]\n{GROUP}"
 MOVING = "velocity = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]"
 assert MOVING in GOOD
@@ -45,6 +46,13 @@ GROUPS = [
         ("output.group_forces: 'bed' is no group",)),
     Bad("force on a group without history", {"[domain]": f"[[groups]]\n{GROUP}[domain]", "[output]": '[output]\ngroup_forces = ["base"]'},
         ("output.group_forces: has no effect without output.history_every [s]",)),
+    grouped("frozen with a motion", "true", "true\nmotion = [{ type = 'linear', velocity = [0.0, 0.0, 1.0] }]",
+        "groups[0].frozen: beside motion; state one of the two"),
+    grouped("unknown motion of a group", "frozen = true", "motion = [{ type = 'shake' }]", "groups[0].motion[0].type = 'shake': unknown"),
+    grouped("servo of a group", "frozen = true", "motion = [{ type = 'servo', axis = [0.0, 0.0, 1.0], target = 1.0, velocity_limit = 1.0 }]",
+        "groups[0].motion: a group has no servo; walls have"),
+    Bad("path and a motion", {"[domain]": f"[solver]\nintegrator = 'path'\n[[groups]]\n{GROUP.replace('frozen = true', MOVED)}[domain]"},
+        ("groups[0].motion: solver.integrator = 'path' knows no such motion; use 'half_step'",)),
     Bad("frozen and moving", {"[domain]": f"[[groups]]\n{GROUP}[domain]", MOVING: MOVING.replace("0.0", "0.5", 1)},
-        ("groups[0].frozen: particle 1 has velocity (0.5, 0.0, 0.0) m/s; must be 0",)),
+        ("groups[0]: particle 1 has velocity (0.5, 0.0, 0.0) m/s of its own; must be 0",)),
 ]  # fmt: skip

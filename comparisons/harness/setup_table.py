@@ -60,8 +60,8 @@ def essentials(scene: Scene) -> dict[tuple[str, str], float | str]:
         changed += [f"{' / '.join(change.materials)}: {change.stated}" for change in phase.pairs]
         table[f"from {phase.start:g} s on", ""] = ", ".join(changed)
     if scene.groups:
-        frozen = [f"{group.name} ({len(group.rows(scene))} frozen)" for group in scene.groups]
-        table["groups", ""] = ", ".join(frozen)
+        states = [(g.name, len(g.rows(scene)), "moving" if g.motion else "frozen") for g in scene.groups]
+        table["groups", ""] = ", ".join(f"{name} ({count} {state})" for name, count, state in states)
     if scene.walls:
         stated = [f"{w.name}{_fate(w)}: {w.material}" for w in scene.wall_elements]
         table["walls", ""] = ", ".join(stated)

@@ -101,11 +101,12 @@ def distributions(results: Results, plan: Plan, code: str, other: str) -> Measur
 def energy_defined(scene: Scene) -> bool:
     """Whether the energy balance can be computed from positions, velocities and the work of walls.
 
-    Not where gravity changes.
+    Not where gravity changes, or where groups of particles have a motion.
     """
     gravity, periodic = np.array([at.gravity for at in scene.phase_scenes]), np.array(scene.domain.periodic)
     potential = scene.contact_range == 0 and not scene.needs.cohesion and not np.ptp(gravity, axis=0).any()
     vibrating = any(plane.speed > 0 for plane in scene.planes)  # steps back without a time of its own
+    vibrating = vibrating or any(group.motion for group in scene.groups)  # whose work is not known
     defined = not ((gravity != 0) & periodic).any() and not vibrating and potential
     return defined and not scene.exits  # energy leaves with the particles
 

@@ -125,7 +125,8 @@ def perturbed(scene: Scene, size: float, seed: int) -> Scene:
     """
     state, rng = scene.state, np.random.default_rng(seed)
     shift = rng.uniform(-1, 1, state.position.shape) * size
-    shift[scene.held != FREE] = 0.0
+    free = (scene.held == FREE)[:, None]  # the others have no velocity of their own
+    shift = np.where(free, shift, 0.0)
     resting = np.ptp(state.position, axis=0) == 0
     resting &= ~state.velocity.any(axis=0) & ~np.any([at.gravity for at in scene.phase_scenes], axis=0)
     if not state.angular_velocity.any():
@@ -135,7 +136,8 @@ def perturbed(scene: Scene, size: float, seed: int) -> Scene:
     columns: dict[str, Any] = {
         "position": position, "radius": np.array(state.radius),
         "material": tuple(names[m] for m in state.material.tolist()),
-        "velocity": np.array(state.velocity), "angular_velocity": np.array(state.angular_velocity),
+        "velocity": np.where(free, state.velocity, 0.0),
+        "angular_velocity": np.where(free, state.angular_velocity, 0.0),
     }  # fmt: skip
     first = scene.start_count
     changes: dict[str, Any] = {}

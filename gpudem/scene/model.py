@@ -232,6 +232,9 @@ class Scene(Model):
         del data["groups"]
         if self.groups:
             data["held"] = _hashed(self.held, digest)
+            data["motions"] = [
+                _hashed([m.model_dump() for m in group.motion], digest) for group in groups.moving(self)
+            ]
         if not self.meshes:
             data["contact"] = {k: v for k, v in data["contact"].items() if k not in OF_MESHES}
         arrays = {k: v for k, v in (data["particles"] or {}).items() if isinstance(v, np.ndarray)}
@@ -262,7 +265,8 @@ class Scene(Model):
         First those at t = 0 (`start_count`), then those that are inserted. Along periodic sides
         lo <= x < hi: one on, or rounded to, the upper face is at the lower one.
         """
-        return self.stated_particles.within(self.domain.lo, self.domain.hi, self.domain.periodic)
+        state = self.stated_particles.within(self.domain.lo, self.domain.hi, self.domain.periodic)
+        return groups.with_velocities(self, state)
 
     @functools.cached_property
     def particles_at_start(self) -> InitialState:
@@ -322,7 +326,7 @@ class Scene(Model):
 
     @functools.cached_property
     def held(self) -> np.ndarray:
-        """What moves each particle, shape (n,): `groups.FREE` or `groups.FROZEN`."""
+        """What moves each particle, shape (n,): `groups.FREE`, `groups.FROZEN` or a motion, from 1."""
         return groups.held(self)
 
     @functools.cached_property
@@ -498,12 +502,13 @@ class Scene(Model):
         acting = (self.acting_laws, *self.wall_laws.values())
         tangential = any(names.tangential != registry.OFF for names in acting)
         rolling = any(names.rolling != registry.OFF for names in acting)
+        turning = any(motion.turns for group in self.groups for motion in group.motion)
         # mutate: scene_needs
         return Needs(
             tangential=tangential,
             history=any(names.history for names in acting),
             rolling=rolling,
-            rotation=tangential or rolling or bool(np.any(state.angular_velocity)),
+            rotation=tangential or rolling or bool(np.any(state.angular_velocity)) or turning,
             damping=any(names.normal_law.dissipates(p) for names, pairs in groups.items() for p in pairs),
             gravity=any(any(scene.gravity) for scene in self.phase_scenes),
             walls=bool(self.walls),

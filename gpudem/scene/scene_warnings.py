@@ -339,6 +339,7 @@ def unexpected(scene: Scene) -> list[str]:
     found = list(_lost_steps(scene))
     state, needs = scene.state, scene.needs
     moved = needs.gravity or needs.vibration or state.velocity.any() or state.angular_velocity.any()
+    moved = moved or any(group.motion for group in scene.groups)
     if not moved and not {"overlap", "large_overlap"} & set(scene.allow):
         found.append("no gravity and no start velocity: nothing moves unless particles overlap")
     if needs.gravity and not scene.walls and not needs.periodic and not scene.exits:

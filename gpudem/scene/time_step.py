@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gpudem.contact import registry
-from gpudem.scene import laws
+from gpudem.scene import groups, laws
 from gpudem.scene.overlaps import MAX_START_OVERLAP
 
 if TYPE_CHECKING:
@@ -51,6 +51,7 @@ def top_speed(scene: Scene) -> float:
     size = np.abs(np.array(scene.domain.hi) - np.array(scene.domain.lo))
     fall = math.sqrt(2 * max(float(np.abs(at.gravity) @ size) for at in scene.phase_scenes))
     own = max(float(np.linalg.norm(scene.state.velocity, axis=1).max()), fall if scene.walls else 0.0)
+    own = max(own, groups.top_speed(scene))
     return own + 2 * max(scene.wall_speeds, default=0.0)  # mutate: hit_by_moving_wall
 
 

@@ -74,11 +74,13 @@ def energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]
 
     What inserted particles bring is taken off. Scale: the kinetic energy at the start and the energy of a
     fall by one diameter. Particles that overlap at the start release elastic energy: a growth within that has
-    its own cause, and another sentence. Scenes with walls that move or that come in the run, or with phases,
-    which do work, and those that waive the check of start overlaps, or with cohesion or adhesion, whose
-    energy is not in the history, or with open sides, through which energy leaves, are left out.
+    its own cause, and another sentence. Scenes with walls that move or that come in the run, with phases or
+    groups that move, which do work, and those that waive the check of start overlaps, or with cohesion or
+    adhesion, whose energy is not in the history, or with open sides, through which energy leaves, are left
+    out.
     """
-    driven = scene.needs.vibration or any(wall.begin > 0 for wall in scene.wall_elements) or scene.phases
+    driven = scene.needs.vibration or any(wall.begin > 0 for wall in scene.wall_elements)
+    driven = driven or scene.phases or any(group.motion for group in scene.groups)
     attracted = scene.needs.cohesion or scene.contact_range > 0
     closed = scene.needs.damping and not (driven or attracted or scene.exits) and "overlap" not in scene.allow
     if history is None or not closed or len(history) < 2:

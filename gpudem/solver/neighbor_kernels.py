@@ -183,6 +183,8 @@ def gather_kernel(spec: Spec) -> Any:
             sorted_particles.material[i] = particles.material[o]  # mutate: material_at_rebuild
         if wp.static(spec.held):
             sorted_particles.held[i] = particles.held[o]  # mutate: held_at_rebuild
+        if wp.static(spec.moved_groups):
+            sorted_particles.origin[i] = particles.origin[o]  # mutate: origin_at_rebuild
         if wp.static(any(spec.periodic)):
             sorted_particles.image[i] = particles.image[o]  # mutate: image_at_rebuild
 

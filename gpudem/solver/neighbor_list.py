@@ -124,7 +124,7 @@ class NeighborList:
         self.spring = self.rolling_torque = self.rise = None
         self._permuted_arrays = ["id", *(["image"] * any(spec.periodic)), *(["radius"] * spec.polydisperse)]
         self._permuted_arrays += ["mass"] * spec.per_particle_mass + ["material"] * spec.multi_material
-        self._permuted_arrays += ["held"] * spec.held
+        self._permuted_arrays += ["held"] * spec.held + ["origin"] * spec.moved_groups
         self.scratch = t.Particles()
         self.scratch.x_at_rebuild = state.particles.x_at_rebuild  # rebuilding writes it anew
         for name in self._permuted_arrays:

@@ -27,6 +27,7 @@ from gpudem.scene.removal import search_box
 from gpudem.scene.walls import Wall
 from gpudem.solver import guards
 from gpudem.solver.device import compile_kernels, find_device
+from gpudem.solver.group_motion import TABLES, GroupMotion
 from gpudem.solver.mesh_tables import MeshTables
 from gpudem.solver.neighbor_list import NeighborList, block_size, cell_grid, layers_of_cells
 from gpudem.solver.removal import Departures
@@ -99,6 +100,7 @@ class Solver:
         self._pending = self.state.particles.rebuild_pending.numpy() if self.device.is_cpu else None
         self._displaced = any(wall.stroke > 0 for wall in scene.wall_elements)
         self._motion = WallMotion(scene, self.chunk, bool(self.rebuild_in_graph))
+        self._groups = GroupMotion(scene, self.state.particles, self.chunk)
         self._meshes = MeshTables(scene, self.state)
         self._rebuilds_seen = 0
         self.walls: Any = None
@@ -285,8 +287,9 @@ class Solver:
         neighbor.assign(entries)
 
     def _move_walls(self, step: int) -> None:
-        """Puts moving walls where they are in `step`, the next launch's, and in those after it."""
+        """Puts moving walls and groups where they are in `step`, the next launch's, and in those after it."""
         self._walls_at = step
+        self._groups.assign(step)
         if self._motion:
             self._motion.assign(step)
             if self._motion.steps_within(step, 1) == 0:
@@ -501,7 +504,14 @@ class Solver:
         Not those that are zero between steps or follow from the number of the step.
         """
         # mutate: restart_arrays
-        leave = ("rebuild_pending", "rebuild_requested", "partial_force", "partial_torque", *LIST_SCRATCH)
+        leave = (
+            "rebuild_pending",
+            "rebuild_requested",
+            "partial_force",
+            "partial_torque",
+            *LIST_SCRATCH,
+            *TABLES,
+        )
         names = [name for name in self.state.types.Particles.vars if name not in leave]
         return [name for name in names if getattr(self.state.particles, name) is not None]
 

@@ -56,6 +56,8 @@ class Spec:
     """Radii of several size classes: each class has its own cells."""
     held: bool = False
     """Particles of groups: contacts do not move them."""
+    moved_groups: bool = False
+    """Groups with a motion."""
     half_list: bool = False
     """Each pair of a block once; for devices that take the particles of a launch one after the other."""
 
@@ -87,6 +89,7 @@ class Spec:
             polydisperse=needs.several_radii,
             size_classes=len(class_radii(scene.state.radius, scene.skin + scene.contact_range)) > 1,
             held=needs.held,
+            moved_groups=any(group.motion for group in scene.groups),
             half_list=half_list,
         )
 

@@ -16,6 +16,7 @@ import warp as wp
 from gpudem.contact.types import REAL, WIDE
 from gpudem.scene import Scene
 from gpudem.solver.body import body_struct
+from gpudem.solver.group_motion import group_tables
 from gpudem.solver.spec import Spec
 
 
@@ -77,6 +78,14 @@ def _particles_struct(real: Any, vec3: Any, wide: Any, wide3: Any) -> Any:
         mass: wp.array[real]  # [kg], (n,)
         material: wp.array[wp.int32]  # index into the scene's particle materials, (n,)
         held: wp.array[wp.int32]  # `Scene.held`, (n,)
+        origin: wp.array[
+            wide3
+        ]  # position at the start [m], (n,); of groups with a motion, as is what follows:
+        group_rotation: wp.array2d[wp.types.matrix((3, 3), wide)]  # after launch l, of the k-th, (chunk, k)
+        group_shift: wp.array2d[wide3]  # what is at X at the start is at rotation X + shift [m], likewise
+        group_velocity: wp.array2d[wide3]  # of what is at the center [m/s], likewise
+        group_spin: wp.array2d[wide3]  # [rad/s], likewise
+        group_center: wp.array2d[wide3]  # [m], likewise
         image: wp.array[wp.vec3i]  # crossings of the periodic sides since the start, (n,)
         x_at_rebuild: wp.array[wide3]  # position at the last rebuild [m], (n,)
         start: wp.array[wp.int32]  # first list entry of each particle, (n + 1,)
@@ -175,13 +184,17 @@ class State:
         """The struct `Particles` at the start; the list's own arrays belong to `NeighborList`."""
         spec, device, n = self.spec, self.device, self.n
 
-        def zeros(count: int, dtype: Any, need: bool = True) -> Any:
+        def zeros(count: int | tuple[int, int], dtype: Any, need: bool = True) -> Any:
             return wp.zeros(count, dtype=dtype, device=device) if need else None
 
         p = t.Particles()
         for name, values in self._stated.items():
-            dtype = {"image": wp.vec3i, "radius": t.wide, "mass": t.real}.get(name, wp.int32)
+            dtype = {"image": wp.vec3i, "radius": t.wide, "mass": t.real, "origin": t.wide3}.get(
+                name, wp.int32
+            )
             setattr(p, name, wp.array(values, dtype=dtype, device=device))
+        for name, dtype in group_tables(t.wide).items() if spec.moved_groups else ():
+            setattr(p, name, zeros((chunk, int(scene.held.max())), dtype))
         p.x_at_rebuild = zeros(n, t.wide3)
         p.start = zeros(n + 1, wp.int32)
         p.wall_start = zeros(n, wp.int32, spec.has_walls)
@@ -216,6 +229,8 @@ class State:
             found["material"] = np.array([index[m] for m in scene.state.material.tolist()], np.int32)
         if spec.held:
             found["held"] = scene.held.astype(np.int32)
+        if spec.moved_groups:
+            found["origin"] = scene.state.position.astype(wp.dtype_to_numpy(t.wide))
         if any(spec.periodic):
             found["image"] = np.zeros((self.n, 3), np.int32)
         return found

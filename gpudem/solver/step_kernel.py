@@ -310,7 +310,7 @@ def step_end(spec: Spec) -> Any:
     real, wide3, vec3 = t.real, t.wide3, t.vec3
     Params, Particles, StepOutput, Body = t.Params, t.Particles, t.StepOutput, body_struct(spec)
     put_body, get_wide, to_wide = body_writer(spec), access(wide3).get, conversions(spec.precision).to_wide
-    is_held = held_particles(spec).one
+    is_held, pose_of = held_particles(spec).one, held_particles(spec).pose
 
     @wp.func
     def end_step(
@@ -347,6 +347,9 @@ def step_end(spec: Spec) -> Any:
         x = x + params.dt_wide * v
         if wp.static(spec.rotation):
             w = w + to_wide(spin_kick * torque)
+        if wp.static(spec.moved_groups):
+            if particles.held[i] > 0:
+                x, v, w = pose_of(params, particles, launch, i)  # mutate: pose_of_group
         v_next = v
         w_next = w
         if wp.static(spec.path):

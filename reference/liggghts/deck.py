@@ -107,7 +107,8 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "insertion_seeds": insertion.SEEDS,
         "groups": groups.groups(scene), "group_loads": groups.loads(scene),
         "mobile": "mobile" if scene.needs.held else "all",
-        "held_columns": FROZEN_COLUMNS if scene.needs.held else (),
+        "held_columns": FROZEN_COLUMNS if groups.any_frozen(scene) else (),
+        "any_frozen": groups.any_frozen(scene),
     }  # fmt: skip
     sections = [
         "header",
@@ -127,7 +128,7 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
     sections += ["trace", "run"]
     present = {
         "groups": scene.needs.held,
-        "frozen": scene.needs.held,
+        "frozen": groups.any_frozen(scene),
         "walls": scene.needs.walls,
         "meshes": bool(scene.meshes),
         "gravity": scene.needs.gravity,

@@ -57,7 +57,7 @@ def frame(scene: Scene, path: Path, step: int) -> Frame:
             f"{path}: step {step}: no array {', '.join(missing)}; found: {', '.join(raw)}"
         )
     table = {column: raw[name] for name, column in VTU_COLUMNS.items()}
-    if scene.needs.held:
+    if groups.any_frozen(scene):
         for column in ("force", "torque"):
             table[column] = table[column] + raw[f"f_frozen_{column}[1-3]"]  # mutate: force_on_frozen_in_frame
     ids = table["id"].astype(np.int64)
@@ -104,7 +104,7 @@ def trace(scene: Scene, path: Path) -> dict[str, np.ndarray]:
     if not path.is_file():
         raise LiggghtsOutputError(f"{path}: no such dump (steps 0 to {steps[-1]} expected)")
     content, at = path.read_bytes(), 0
-    values = np.full((len(steps), n, TRACE_WIDTH + 6 * scene.needs.held), np.nan)
+    values = np.full((len(steps), n, TRACE_WIDTH + 6 * groups.any_frozen(scene)), np.nan)
     for k, step in enumerate(steps):
         try:
             table, at = _snapshot(content, at, int(step), len(scene.state), values.shape[2])
@@ -115,7 +115,7 @@ def trace(scene: Scene, path: Path) -> dict[str, np.ndarray]:
             raise LiggghtsOutputError(f"{path}: truncated or corrupted at step {step}: {error}") from None
     if at != len(content):
         raise LiggghtsOutputError(f"{path}: {len(content) - at} bytes after the last step {steps[-1]}")
-    if scene.needs.held:
+    if groups.any_frozen(scene):
         values[..., 10:16] += values[..., 16:]  # mutate: force_on_frozen_in_trace
     columns = {name: values[..., 1 + 3 * i : 4 + 3 * i].copy() for i, name in enumerate(TRACE_COLUMNS)}
     columns["position"] = wrap(scene, columns["position"])

@@ -7,11 +7,15 @@ import dataclasses
 import numpy as np
 
 from gpudem.output import observables
-from gpudem.scene import Scene
-from reference.liggghts.walls import number
+from gpudem.scene import Group, Scene
+from gpudem.scene.motion import Linear, Oscillate, Rotate
+from gpudem.walls.motion import WallPath
+from reference.liggghts.walls import number, vector
 
 #: Most groups of a deck: LIGGGHTS has 32, `all` and three of ours among them.
 MOST = 28
+#: Motions that `fix move` has.
+MOTIONS = (Linear, Oscillate, Rotate)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -21,11 +25,40 @@ class GroupWords:
     name: str
     members: tuple[str, ...]
     """The ends of its `group` commands."""
+    motion: str
+    """The words of its `fix move`; empty: frozen."""
 
 
 def groups(scene: Scene) -> list[GroupWords]:
     """Every group in order of statement."""
-    return [GroupWords(group.name, _members(group.rows(scene) + 1)) for group in scene.groups]
+    return [GroupWords(g.name, _members(g.rows(scene) + 1), _motion(g)) for g in scene.groups]
+
+
+def any_frozen(scene: Scene) -> bool:
+    """Whether a group is frozen."""
+    return any(group.frozen for group in scene.groups)
+
+
+def cannot(group: Group) -> str:
+    """What of a group LIGGGHTS has no words for; empty: nothing."""
+    if len(group.motion) > 1:
+        return f"groups.{group.name}.motion: {len(group.motion)} motions; LIGGGHTS' fix move has one"
+    if group.motion and not isinstance(group.motion[0], MOTIONS):
+        stated = f"groups.{group.name}.motion[0].type = {group.motion[0].type!r}"
+        return f"{stated}: LIGGGHTS' fix move has no such motion"
+    return ""
+
+
+def _motion(group: Group) -> str:
+    if not group.motion:
+        return ""
+    motion = group.motion[0]
+    if isinstance(motion, Linear):
+        return f"linear {vector(motion.velocity)}"
+    if isinstance(motion, Oscillate):
+        return f"wiggle {vector(motion.amplitude)} {number(motion.period)}"
+    assert isinstance(motion, Rotate), f"{motion.type}: refused by limits.check"
+    return f"rotate {vector(motion.point)} {vector(motion.axis)} {number(motion.period)}"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,6 +66,8 @@ class GroupLoad:
     """Force and torque on one group, as sums over its particles."""
 
     name: str
+    force: tuple[str, ...]
+    """Components of the force on one particle, with weight [N]."""
     moments: tuple[str, ...]
     """Components of the torque of one particle about the reference [N m], as formulas."""
 
@@ -53,11 +88,13 @@ def loads(scene: Scene) -> list[GroupLoad]:
     for group in scene.groups:
         lever = [f"({a}-({number(r)}))" for a, r in zip("xyz", group.reference, strict=True)]
         force, torque = ([f"f_frozen_{what}[{k}]" for k in (1, 2, 3)] for what in ("force", "torque"))
+        if group.motion:  # nothing has set them to 0
+            force, torque = ([f"{what}{a}" for a in "xyz"] for what in ("f", "tq"))
         turns = [(lever[i], force[j], lever[j], force[i], torque[k])
                  for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1)))]  # fmt: skip
         moments = tuple(f"{a}*{b}-{c}*{d}+{own}" for a, b, c, d, own in turns)
         if group.name in scene.output.group_forces:
-            found.append(GroupLoad(group.name, moments))
+            found.append(GroupLoad(group.name, tuple(force), moments))
     return found
 
 
@@ -73,10 +110,16 @@ def history(scene: Scene, thermo: dict[str, np.ndarray]) -> dict[str, np.ndarray
     for load in loads(scene):
         group = next(group for group in scene.groups if group.name == load.name)
         rows = group.rows(scene)
-        mass, place = scene.masses[rows], scene.state.position[rows] - np.array(group.reference)
+        mass, place = scene.masses[rows], scene.masses[rows] @ scene.state.position[rows]
         table = np.stack([thermo[word] for word in load.columns], axis=1)
         weight = mass.sum() * gravity  # mutate: weight_of_group
-        values = table - np.concatenate([weight, np.cross(mass @ place, gravity)], axis=1)
+        moment = np.tile(place, (len(gravity), 1))
+        if group.motion:
+            poses = WallPath(group.motion, scene.time.step).at(0, scene.n_steps + 1)
+            rotation, shift = poses.rotation[thermo["step"]], poses.shift[thermo["step"]]
+            moment = rotation @ place + mass.sum() * shift
+        moment = moment - mass.sum() * np.array(group.reference)
+        values = table - np.concatenate([weight, np.cross(moment, gravity)], axis=1)
         columns = observables.of_group(load.name)
         found |= {column.name: v for column, v in zip(columns, values.T, strict=True)}
     return {name: found[name] for name in names(scene)}

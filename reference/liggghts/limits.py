@@ -141,6 +141,7 @@ def _insertions(scene: Scene, ranks: int) -> Iterator[str]:
 def _groups(scene: Scene) -> Iterator[str]:
     if len(scene.groups) > groups.MOST:
         yield f"groups: {len(scene.groups)}; allowed: <= {groups.MOST}"
+    yield from filter(None, map(groups.cannot, scene.groups))
 
 
 def _plane(plane: Plane) -> Iterator[str]:

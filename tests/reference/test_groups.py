@@ -79,6 +79,36 @@ def test_agrees_with_binary(options, tmp_path, liggghts):
     assert np.array_equal(theirs["torque"], run.trace["torque"][-1])
 
 
+@pytest.mark.liggghts
+@pytest.mark.parametrize(
+    "motion",
+    [
+        {"type": "oscillate", "amplitude": (0.001, 0, 0.002), "period": 0.02},
+        {"type": "rotate", "axis": (0.02, 0, 1), "point": (0.05, 0.05, 0.0), "period": 0.3},
+        {"type": "linear", "velocity": (0, 0.02, 0.05)},
+    ],
+    ids=lambda motion: motion["type"],
+)
+def test_motion_agrees_with_binary(motion, tmp_path, liggghts):
+    """Detects: a place, velocity or spin of a group at another step, the effective mass of a frozen one."""
+    scene = on_base()
+    groups = [group.model_dump() for group in scene.groups]
+    groups[0] |= {"frozen": False, "motion": [motion]}
+    scene = scene.replace(groups=groups)
+    run, ours = code.run(scene, tmp_path), simulate(scene)
+    assert run.trace is not None
+    assert ours.trace is not None
+    for name in ("position", "velocity", "angular_velocity", "force", "torque"):
+        scale = np.nanmax(np.abs(ours.trace[name]))
+        assert np.nanmax(np.abs(run.trace[name] - ours.trace[name])) < TOLERANCE * scale, name
+    assert run.history is not None
+    assert ours.history is not None
+    for name in ours.history.columns[-6:]:
+        scale = float(np.abs(ours.history[name].to_numpy()).max())
+        assert scale > 1e-6, name
+        assert np.abs(run.history[name] - ours.history[name]).max() < TOLERANCE * scale, name
+
+
 def test_deck():
     """Detects: a group of other particles, walls or an integration that act on held ones."""
     text = render(on_base()).text
