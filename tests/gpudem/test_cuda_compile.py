@@ -42,6 +42,7 @@ pytestmark = [
         (Spec(**{**FULL, "tangential": "history_rotated"}), 128),
         (Spec(**{**FULL, "tangential": "history_incremental"}), 128),
         (Spec(**{**FULL, "tangential": "history_capped"}), 128),
+        (Spec(held=True, moved_groups=True, **FULL), 128),
         *((Spec(precision=p, **MESH), most) for p, most in MESH_REGISTERS.items()),
         (Spec(**{**MESH, "meshes": "liggghts"}), MESH_REGISTERS["float64"]),
         (Spec(normal="jkr", long_range=True, **MESH), MESH_REGISTERS["float64"]),
@@ -58,6 +59,7 @@ pytestmark = [
         "history_rotated",
         "history_incremental",
         "history_capped",
+        "groups",
         "mesh",
         "mesh mixed",
         "mesh float32",
@@ -87,8 +89,14 @@ def test_motion_moves_in_words_of_16_bytes(precision, loads, stores):
 
 @pytest.mark.parametrize(
     "given",
-    [FULL, EVERYTHING, {**EVERYTHING, "size_classes": True}, MESH],
-    ids=["full", "everything", "size classes", "mesh"],
+    [
+        FULL,
+        EVERYTHING,
+        {**EVERYTHING, "size_classes": True},
+        MESH,
+        {**FULL, "held": True, "moved_groups": True},
+    ],
+    ids=["full", "everything", "size classes", "mesh", "groups"],
 )
 def test_rebuild_without_spills(given):
     """The launches of a rebuild. Their stack holds the few numbers that are picked by axis at run time."""
@@ -99,4 +107,5 @@ def test_rebuild_without_spills(given):
         assert found.spill_bytes == 0
         assert found.stack_bytes <= 72, kernel.key  # 3 x 3 float64
         most = 128 if spec.meshes and kernel.key.endswith("entries") else 64  # a walk through a search tree
+        most += 8 * (spec.held and kernel.key.endswith("fill_entries"))  # two more arrays; at rebuilds only
         assert 16 < found.registers <= most, kernel.key
