@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.gpu import stages
+from tools.gpu import record, stages
 
 ROOT = Path(__file__).parents[1]
 
@@ -58,3 +58,6 @@ def test_every_stage_is_rehearsed(tmp_path):
     assert {stage for stage in status if status[stage] == "ended"} == set(stages.LIMITS) - {"turns", "ncu"}
     assert len(json.loads((tmp_path / "bench.json").read_text())["rows"]) == 2
     assert len(json.loads((tmp_path / "paper.json").read_text())) == 3
+    (tmp_path / "source.txt").write_text("0123456789\nchanged:  M README.md\n")
+    facts, sides = record.collect(tmp_path)
+    assert (facts["commit"], facts["dirty"], len(facts["paper"]), len(sides)) == ("0123456", True, 3, 3)

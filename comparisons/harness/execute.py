@@ -426,7 +426,7 @@ class Session:
         left_out = sum(c.status == "left_out" for c in checks)
         others = f", {left_out} left out" if left_out else ""
         judged = len(checks) - left_out
-        self.reporter.say(f"  {held} of {judged} checks hold{others}; its runs took {duration(seconds)}")
+        self.reporter.say(f"  {held} of {judged} checks hold{others}; computing time {duration(seconds)}")
         if result.headline:
             self.reporter.say(f"  {result.headline}")
         if result.status == "error":

@@ -46,13 +46,17 @@ def welch(
     a, b = np.asarray(a, float), np.asarray(b, float)
     if min(len(a), len(b)) < 3 or not (np.isfinite(a).all() and np.isfinite(b).all()):
         raise ValueError("Welch's test needs three or more finite values on each side")
-    variances = a.var(ddof=1) / len(a), b.var(ddof=1) / len(b)
-    spread = float(a.std(ddof=1)), float(b.std(ddof=1))
-    total, difference = sum(variances), float(a.mean() - b.mean())
-    mean = float(a.mean()), float(b.mean())
+    return welch_of(*((float(x.mean()), float(x.std(ddof=1)), len(x)) for x in (a, b)), level=level)
+
+
+def welch_of(a: tuple[float, float, int], b: tuple[float, float, int], level: float = 0.95) -> Comparison:
+    """The same for two samples of which mean, sample standard deviation and number are known."""
+    variances = [spread**2 / count for _, spread, count in (a, b)]
+    spread, mean = (a[1], b[1]), (a[0], b[0])
+    total, difference = sum(variances), a[0] - b[0]
     if total == 0:
         return Comparison(mean, spread, difference, 0.0, 1.0 if difference == 0 else 0.0)
-    freedom = total**2 / sum(v**2 / (len(x) - 1) for v, x in zip(variances, (a, b), strict=True))
+    freedom = total**2 / sum(v**2 / (x[2] - 1) for v, x in zip(variances, (a, b), strict=True))
     half = float(stats.t.ppf((1 + level) / 2, freedom)) * math.sqrt(total)
     p = float(2 * stats.t.sf(abs(difference) / math.sqrt(total), freedom))
     return Comparison(mean, spread, difference, half, p)

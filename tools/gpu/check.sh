@@ -12,6 +12,7 @@ tar -xJf "$dir/source.tar.xz" -C "$source"
 if [ -s "$dir/other.tar.xz" ]; then
     mkdir "$source/.other"
     tar -xJf "$dir/other.tar.xz" -C "$source/.other"
+    cp -r "$source/comparisons/bench/data" "$source/.other/comparisons/bench/" # the same beds for both
     cp "$dir/other.txt" "$out"
 fi
 cp "$dir/source.txt" "$out"

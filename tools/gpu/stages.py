@@ -109,7 +109,10 @@ def device_stage(out: Path, device: str) -> None:
 
     wp.init()
     found = wp.get_device(device)
-    facts: dict[str, Any] = {"warp": wp.config.version, "device": device, "name": found.name}
+    facts: dict[str, Any] = {
+        "date": time.strftime("%Y-%m-%d", time.gmtime()), "command": "tools/gpu/check.sh DIR OUT",
+        "warp": wp.config.version, "device": device, "name": found.name, "host_cores": os.cpu_count(),
+    }  # fmt: skip
     if found.is_cuda:
         facts |= {"arch": found.arch, "memory_bytes": found.total_memory,
                   "graphs_can_branch": wp.is_conditional_graph_supported()}  # fmt: skip

@@ -10,14 +10,12 @@ from comparisons import kit
 from comparisons.cases import over_seeds
 from comparisons.cases.dam_break import checks, figures
 from comparisons.cases.dam_break import scenes as dam
-from comparisons.metrics import pile, statistics
+from comparisons.metrics import statistics
 from comparisons.report import plots, render
 from gpudem.scene import Domain
 
 LABEL = "gate_200"
 RADIUS: dict[kit.Tier, float] = {"standard": 0.011, "full": dam.RADIUS}
-#: Strips along the depth: each is a pile of its own, and their scatter that of a single run.
-STRIPS = 8
 #: Times after the opening [s] of the pictures of the paper, which are of 0.7 s and 0.9 s from the start.
 PICTURES = (0.2, 0.4)
 #: Height of the part of the box that pictures show [m].
@@ -34,11 +32,7 @@ def strips(results: kit.Results, code: str) -> np.ndarray:
 
     def compute() -> np.ndarray:
         frame = results[LABEL, code].frames[-1]
-        x, radius, rows = frame["position"], frame["radius"], []
-        for lo, hi in itertools.pairwise(np.linspace(0.0, dam.DEPTH, STRIPS + 1)):
-            inside = (x[:, 1] >= lo) & (x[:, 1] < hi)
-            rows.append(pile.height(x[inside], radius[inside], dam.READ_AT, (lo, hi)))
-        return np.array(rows)
+        return dam.strip_heights(frame["position"], frame["radius"])
 
     return results.once(("strips", code), compute)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -157,6 +158,19 @@ def heights(results: kit.Results, label: str, code: str, at: np.ndarray = PROFIL
         return pile.height(frame["position"], frame["radius"], at, _depth(run), _period(run))
 
     return results.once(("heights", label, code, len(at)), compute)
+
+
+#: Strips along the depth of the whole box: each is a pile of its own, and their scatter that of a single run.
+STRIPS = 8
+
+
+def strip_heights(position: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """(strips, places) heights [m] in the whole box, every 100 mm, of each strip along the depth."""
+    rows = []
+    for lo, hi in itertools.pairwise(np.linspace(0.0, DEPTH, STRIPS + 1)):
+        inside = (position[:, 1] >= lo) & (position[:, 1] < hi)
+        rows.append(pile.height(position[inside], radius[inside], READ_AT, (lo, hi)))
+    return np.array(rows)
 
 
 def arrival(run: Run) -> float:

@@ -146,10 +146,7 @@ def _recorded_caption() -> str:
         " compiled before."
     )
     if only_cpu:
-        caption += (
-            " No GPU was available: the tests compile the CUDA kernels and read their registers, spills and"
-            " loads; their speed is not known yet."
-        )
+        caption += " No GPU is among them: the case gpu shows what was recorded on one."
     return caption
 
 
