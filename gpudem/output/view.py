@@ -158,7 +158,7 @@ class View:
             at = np.searchsorted(self.rows, members)
             force = contact_force(self.scene, self.step, members, self.numpy("force")[at])
             lever = self.numpy("position")[at] - np.array(group.reference)
-            torque = np.cross(lever, force) + self.numpy("torque")[at]  # mutate: torque_on_group
+            torque = np.cross(lever, force) + self.numpy("torque")[at]
             return force.sum(axis=0), torque.sum(axis=0)
 
         return self._once(("group", name), found)

@@ -74,16 +74,14 @@ class Group(Model):
         start = len(scene.stated_particles) - (len(scene.inserted.step) if scene.insert else 0)
         chosen = np.ones(start, bool)
         if self.material is not None:
-            # mutate: group_by_material
             chosen &= scene.stated_particles.material[:start] == scene.material_index[self.material]
         if self.region is not None:
-            # mutate: group_by_region
             chosen &= self.region.depth(scene.stated_particles.position[:start]) >= 0
         if self.ids is not None:
             if self.ids.size and self.ids.max() > start:
                 raise IndexError(int(self.ids.max()))
             listed = np.zeros(start, bool)
-            listed[self.ids - 1] = True  # mutate: group_by_id
+            listed[self.ids - 1] = True
             chosen &= listed
         return np.flatnonzero(chosen)
 
@@ -114,7 +112,7 @@ def with_velocities(scene: Scene, state: InitialState) -> InitialState:
     velocity, spin = state.velocity.copy(), state.angular_velocity.copy()
     for group, path in zip(moving(scene), paths(scene), strict=True):
         rows, pose = group.rows(scene), path.at(0, 1)
-        velocity[rows] = pose.velocity_at(state.position[rows])  # mutate: velocity_of_group_at_start
+        velocity[rows] = pose.velocity_at(state.position[rows])
         spin[rows] = pose.spin
     for values in (velocity, spin):
         values.setflags(write=False)

@@ -422,7 +422,7 @@ class Scene(Model):
 
     def phase_after(self, step: int) -> Scene:
         """The one of `phase_scenes` that holds in the steps after this one."""
-        return self.phase_scenes[bisect.bisect_right(self.phase_steps, step)]  # mutate: phase_of_step
+        return self.phase_scenes[bisect.bisect_right(self.phase_steps, step)]
 
     def gravity_at(self, steps: np.ndarray) -> np.ndarray:
         """Gravity [m/s2] in each of these steps, shape (k, 3); at the start of a phase still that before."""

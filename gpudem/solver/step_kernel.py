@@ -349,7 +349,7 @@ def step_end(spec: Spec) -> Any:
             w = w + to_wide(spin_kick * torque)
         if wp.static(spec.moved_groups):
             if particles.held[i] > 0:
-                x, v, w = pose_of(params, particles, launch, i)  # mutate: pose_of_group
+                x, v, w = pose_of(params, particles, launch, i)
         v_next = v
         w_next = w
         if wp.static(spec.path):

@@ -59,7 +59,7 @@ def frame(scene: Scene, path: Path, step: int) -> Frame:
     table = {column: raw[name] for name, column in VTU_COLUMNS.items()}
     if groups.any_frozen(scene):
         for column in ("force", "torque"):
-            table[column] = table[column] + raw[f"f_frozen_{column}[1-3]"]  # mutate: force_on_frozen_in_frame
+            table[column] = table[column] + raw[f"f_frozen_{column}[1-3]"]
     ids = table["id"].astype(np.int64)
     if wrong := _wrong_ids(scene, ids, step):
         raise LiggghtsOutputError(f"{path}: step {step}: {len(ids)} particles, {wrong}")

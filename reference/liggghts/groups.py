@@ -112,7 +112,7 @@ def history(scene: Scene, thermo: dict[str, np.ndarray]) -> dict[str, np.ndarray
         rows = group.rows(scene)
         mass, place = scene.masses[rows], scene.masses[rows] @ scene.state.position[rows]
         table = np.stack([thermo[word] for word in load.columns], axis=1)
-        weight = mass.sum() * gravity  # mutate: weight_of_group
+        weight = mass.sum() * gravity
         moment = np.tile(place, (len(gravity), 1))
         if group.motion:
             poses = WallPath(group.motion, scene.time.step).at(0, scene.n_steps + 1)
