@@ -22,7 +22,7 @@ from gpudem.output.run import Run
 BONDS: dict[kit.Tier, tuple[float, ...]] = {
     "quick": (0.0, 1.0, 10.0), "standard": (0.0, 1.0, 10.0), "full": (0.0, 0.3, 1.0, 2.0, 5.0, 10.0),
 }  # fmt: skip
-SEEDS: dict[kit.Tier, int] = {"quick": 1, "standard": 5, "full": 8}
+SEEDS: dict[kit.Tier, int] = {"quick": 1, "standard": 5, "full": 6}
 BALLS: dict[kit.Tier, int] = {"quick": 400, "standard": 400, "full": 600}
 FRICTION, ROLLING = 0.5, 0.1
 #: Stiffer than without cohesion, or the largest one would let balls sink in by a tenth of their diameter.

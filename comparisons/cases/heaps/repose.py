@@ -17,9 +17,9 @@ from comparisons.report import plots
 #: Friction and rolling friction.
 POINTS: dict[kit.Tier, tuple[tuple[float, float], ...]] = {
     "quick": ((0.2, 0.02), (0.5, 0.1), (0.8, 0.5)), "standard": ((0.2, 0.02), (0.5, 0.1), (0.8, 0.5)),
-    "full": ((0.1, 0.1), (0.2, 0.02), (0.5, 0.02), (0.5, 0.1), (0.5, 0.5), (0.8, 0.1), (0.8, 0.5)),
+    "full": ((0.1, 0.1), (0.2, 0.02), (0.5, 0.02), (0.5, 0.1), (0.5, 0.3), (0.8, 0.1), (0.8, 0.5)),
 }  # fmt: skip
-SEEDS: dict[kit.Tier, int] = {"quick": 1, "standard": 5, "full": 8}
+SEEDS: dict[kit.Tier, int] = {"quick": 1, "standard": 5, "full": 6}
 BALLS: dict[kit.Tier, int] = {"quick": 400, "standard": 400, "full": 800}
 #: The heap that is compared with glass beads and made of a material four times as stiff, at this factor.
 GLASS, STIFFER = (0.5, 0.1), 4.0
