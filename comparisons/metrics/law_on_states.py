@@ -67,7 +67,7 @@ MISTAKES = {
 def judged(scene: Scene, trace: Trace) -> str:
     """Why the law cannot be evaluated on a trace; empty if it can."""
     law = scene.contact
-    other = law.normal != "hertz" or law.tangential == "no_history"
+    other = law.normal != "hertz" or law.tangential not in ("history", "off")
     if other or scene.needs.rolling or scene.needs.cohesion or law.frictionless_dashpot:
         return "the law is evaluated only for hertz with history, without rolling friction and cohesion"
     if scene.needs.vibration or scene.needs.periodic or scene.changes or scene.groups:

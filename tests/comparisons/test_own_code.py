@@ -23,6 +23,7 @@ from gpudem.output.run import Run
 from gpudem.scene import Domain, Explicit, Material, Output, Pair, Scene, Time
 from reference.code import Options
 from reference.process import code_of
+from tests.reference.scenes import two_spheres
 
 MY_DEM = Path(__file__).parents[2] / "examples" / "own_code" / "my_dem.py"
 NAME = "my_dem"
@@ -240,6 +241,12 @@ def test_figure_of_a_failed_run_is_left_out(ours, tmp_path):
     assert (table.status, table.why) == ("left_out", f"my_dem failed on {label}")
     differs = evaluation.table(attribution.tables((NAME,))[0], tmp_path, 2)
     assert (differs.status, differs.why) == ("left_out", f"my_dem failed on {label}: status 3")
+
+
+@pytest.mark.parametrize("law", ["history_rotated", "history_capped", "no_history"])
+def test_another_tangential_law_is_not_judged_by_history(law):
+    """Detects forces of another law that are called a mistake, since they are not those of `history`."""
+    assert "only for hertz with history" in law_on_states.judged(two_spheres(contact={"tangential": law}), {})
 
 
 def test_a_contact_between_two_searches_is_found():

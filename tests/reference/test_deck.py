@@ -16,6 +16,7 @@ from tests.reference.scenes import (
     AGREEMENT,
     FLOOR,
     LATER_LAWS,
+    OURS,
     STIFFNESS,
     gate_removal,
     two_spheres,
@@ -187,3 +188,11 @@ def test_hash_is_of_the_physics():
 def test_thermo_stride_divides_the_history_interval():
     assert "thermo          12\n" in render(two_spheres(output={"history_every": None})).text
     assert "thermo          10\n" in render(two_spheres(output={"history_every": 7e-5})).text
+
+
+@pytest.mark.parametrize("name", [name for name in OURS if name.endswith("resting")])
+def test_a_law_of_gpudem_alone_is_refused_by_name(name):
+    """Detects a law without words in LIGGGHTS that is written as another one."""
+    law = name.removesuffix("_resting")
+    with pytest.raises(LiggghtsCannotState, match=rf"contact.tangential = '{law}': LIGGGHTS has no such law"):
+        render(OURS[name]())
