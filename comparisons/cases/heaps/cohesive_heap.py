@@ -110,7 +110,7 @@ CASE = kit.Case(
     " manual, gran_cohesion_sjkr.",
     variants=variants,
     checks=(
-        *measures.between(groups, SEEDS),
+        *measures.between(groups, SEEDS, scatter=3.0),
         kit.per_code(
             "smallest rise of the angle of the cone with the Bond number", steeper,
             lo=1.0, tolerance=90.0, against="cohesion holds balls back", mark="P", unit="deg",

