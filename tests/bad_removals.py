@@ -28,6 +28,12 @@ def removed(name: str, old: str, new: str, *expected: str, problems: int = 1) ->
     return Bad(name, {"[domain]": f"[[remove]]\n{REMOVE.replace(old, new)}[domain]"}, expected, problems)
 
 
+HISTORY = "history_every = 0.01\n"
+FLOW = """[[output.flow]]
+name = "floor"
+point = [0.0, 0.0, 0.1]
+normal = [0.0, 0.0, -1.0]
+"""
 REMOVALS = [
     opened("open side of an unknown name", '{ zlow = "outflow" }', "domain.sides.zlow"),
     opened("open side of an unknown kind", '{ xlo = "open" }', "domain.sides.xlo = 'open'", "outflow"),
@@ -42,6 +48,20 @@ REMOVALS = [
         problems=2,
         more={'kind = "plane"\nname = "floor"': 'kind = "box"\nname = "floor"',
               'point = [0.0, 0.0, 0.0]\nnormal = [0.0, 0.0, 1.0]\n': ""}),
+    *(
+        Bad(name, {"frames_every = 0.01\n": f"frames_every = 0.01\n{history}{flow}"}, expected)
+        for name, history, flow, expected in [
+            ("flow without history", "", FLOW, ("output.flow: has no effect without output.history_every",)),
+            ("flow outside the domain", HISTORY, FLOW.replace("0.1]", "0.3]"),
+                ("output.flow: floor.point: the domain lies on one side of the plane",)),
+            ("flow without direction", HISTORY, FLOW.replace("-1.0", "0.0"), ("output.flow[0].normal", "has no direction")),
+            ("two flows of one name", HISTORY, 2 * FLOW, ("output.flow: name 'floor' given twice",)),
+        ]
+    ),
+    Bad("flow along a periodic axis",
+        {"frames_every = 0.01\n": f"frames_every = 0.01\n{HISTORY}{FLOW}".replace("[0.0, 0.0, -1.0]", "[1.0, 0.0, 0.0]"),
+         DOMAIN: "periodic = [true, false, false]\n"},
+        ("output.flow: floor.normal: x is periodic: both sides of a plane are one",)),
     removed("removal without a name", 'name = "bottom"\n', "", "remove[0].name: missing"),
     removed("removal without interval", "every = 0.01\n", "", "remove[0].every: missing [s]"),
     removed("removal at interval zero", "0.01\n", "0.0\n", "remove[0].every = 0.0: out of range; allowed: 0 < value [s]"),

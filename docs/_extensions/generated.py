@@ -111,6 +111,7 @@ def scene_page() -> str:
         "[domain]": sections.Domain,
         "[time]": sections.Time,
         "[output]": sections.Output,
+        "[[output.flow]]": sections.FlowPlane,
         "[solver]": sections.Solver,
     }
     text = [

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     import pandas
 
     from gpudem.output.view import View
+    from gpudem.scene import Scene
+    from gpudem.scene.sections import FlowPlane
 
 GROUP = "gpudem.observables"
 
@@ -173,11 +175,25 @@ def of_exit(name: str) -> list[Observable]:
     ]
 
 
-def with_rates(history: pandas.DataFrame, exits: Sequence[str]) -> pandas.DataFrame:
-    """A history with removal_rate_NAME [kg/s] of these exits: mass that left since the last row, by time."""
-    for name in exits:
-        if (mass := f"removed_mass_{name}") in history:
-            history[f"removal_rate_{name}"] = (history[mass].diff() / history["time"].diff()).fillna(0.0)
+def of_flow(plane: FlowPlane) -> list[Observable]:
+    """Columns of a plane of `output.flow`: flow_count_NAME [1], flow_mass_NAME [kg], net since the start."""
+    return [
+        Observable(f"flow_count_{plane.name}", "1", lambda view: view.passed(plane)[0], integer=True),
+        Observable(f"flow_mass_{plane.name}", "kg", lambda view: view.passed(plane)[1]),
+    ]
+
+
+def rates(scene: Scene) -> dict[str, str]:
+    """Columns of exits and planes of flow [kg/s], and that of the mass [kg] whose rate each is."""
+    found = {f"removal_rate_{stated.name}": f"removed_mass_{stated.name}" for stated in scene.exits}
+    return found | {f"flow_rate_{plane.name}": f"flow_mass_{plane.name}" for plane in scene.output.flow}
+
+
+def with_rates(history: pandas.DataFrame, scene: Scene) -> pandas.DataFrame:
+    """A history with the `rates` of the masses that it has: their change since the row before, by time."""
+    for name, mass in rates(scene).items():
+        if mass in history:
+            history[name] = (history[mass].diff() / history["time"].diff()).fillna(0.0)
     return history
 
 

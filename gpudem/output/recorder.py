@@ -112,12 +112,13 @@ class Recorder:
         return [*(observables.get(name) for name in names), *self._by_scene()]
 
     def _by_scene(self) -> list[Observable]:
-        """Of walls, groups and exits, which the scene names."""
+        """Of walls, groups, exits and planes of flow, which the scene names."""
         walls, exits = self.scene.output.wall_forces, [stated.name for stated in self.scene.exits]
         return [
             *(o for wall in walls for o in observables.of_wall(wall)),
             *(o for group in self.scene.output.group_forces for o in observables.of_group(group)),
             *(o for name in exits for o in observables.of_exit(name)),
+            *(o for plane in self.scene.output.flow for o in observables.of_flow(plane)),
         ]
 
     def flush(self) -> None:
@@ -180,4 +181,4 @@ class Recorder:
         names = [*observables.ALWAYS, *(column.name for column in self._columns)]
         table = pandas.DataFrame(self._history, columns=names)
         table = table.astype({"step": int} | {c.name: int for c in self._columns if c.integer})
-        return observables.with_rates(table, [stated.name for stated in self.scene.exits])
+        return observables.with_rates(table, self.scene)

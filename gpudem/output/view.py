@@ -10,13 +10,16 @@ import numpy as np
 
 from gpudem.errors import SimulationError
 from gpudem.output.vtu import Frame
-from gpudem.scene import Scene
+from gpudem.scene import Scene, flow
 from gpudem.scene.groups import contact_force
+from gpudem.scene.sections import FlowPlane
 
 #: Columns of three components, in order of id.
 VECTORS = ("position", "unwrapped_position", "velocity", "angular_velocity", "force", "torque")
 #: Columns of one number, which do not change in a run.
 SCALARS = ("mass", "radius", "inertia")
+#: Rows and last positions [m] where no particle has left.
+NONE_LEFT = (np.empty(0, np.int64), np.empty((0, 3)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,13 +59,14 @@ class View:
         triangle_forces: Callable[[], dict[str, np.ndarray]] = dict,
         rows: Callable[[], np.ndarray] | None = None,
         removed: Callable[[], dict[str, tuple[int, float]]] = dict,
+        departed: Callable[[], tuple[np.ndarray, np.ndarray]] = lambda: NONE_LEFT,
     ):
         """`column(name)` gives one of VECTORS; the other functions the properties of their names."""
         self.scene, self.step = scene, step
         self._column, self._contacts, self._wall_work = column, contacts, wall_work
         self._wall_loads, self._servo_ways = wall_loads, servo_ways
         self._triangle_forces = triangle_forces
-        self._rows, self._removed = rows, removed
+        self._rows, self._removed, self._departed = rows, removed, departed
         self._known: dict[Any, Any] = {}
 
     @classmethod
@@ -85,6 +89,16 @@ class View:
     def rows(self) -> np.ndarray:
         """The rows of the scene that are there, ascending: id - 1, shape (n,)."""
         return self._once("rows", self._rows or (lambda: np.arange(self.scene.count_at(self.step))))
+
+    def passed(self, plane: FlowPlane) -> tuple[int, float]:
+        """Net number and mass [kg] of particles that have passed a plane of `output.flow` since the start."""
+
+        def compute() -> tuple[int, float]:
+            left, where = self._departed()
+            position = np.concatenate([self.numpy("position"), where])
+            return flow.passed(self.scene, plane, np.concatenate([self.rows, left]), position)
+
+        return self._once(("passed", plane.name), compute)
 
     @property
     def removed(self) -> dict[str, tuple[int, float]]:
@@ -249,11 +263,12 @@ class DeviceView(View):
         triangle_forces: Callable[[], dict[str, np.ndarray]] = dict,
         rows: Callable[[], np.ndarray] | None = None,
         removed: Callable[[], dict[str, tuple[int, float]]] = dict,
+        departed: Callable[[], tuple[np.ndarray, np.ndarray]] = lambda: NONE_LEFT,
     ):
         """`read(name)` gives a Warp array of three-component vectors; `scalars` lasts from view to view."""
         super().__init__(scene, step, lambda name: self.column(name).numpy().astype(np.float64, copy=False),
                          contacts, wall_work, wall_loads, servo_ways, triangle_forces, rows,
-                         removed)  # fmt: skip
+                         removed, departed)  # fmt: skip
         self._read, self._scalars = read, scalars
 
     def column(self, name: str) -> Any:

@@ -14,7 +14,7 @@ import numpy as np
 from gpudem.contact import registry
 from gpudem.contact.law import AdhesiveLaw, RollingLaw
 from gpudem.errors import GpudemError
-from gpudem.scene import groups, law_parameters, phases, removal, wall_checks
+from gpudem.scene import flow, groups, law_parameters, phases, removal, wall_checks
 from gpudem.scene.overlaps import MAX_START_OVERLAP, find_overlaps, lattice_within
 from gpudem.scene.scene_warnings import rounded_times, unexpected, without_effect
 from gpudem.scene.sections import MAX_PARTICLES
@@ -68,6 +68,8 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
     walls = walls and domain and run_check(wall_checks.statements, "walls", "domain")
     if walls:
         run_check(removal.problems, "walls", "domain", "time", "insert", "remove")
+    if domain:
+        run_check(flow.problems, "domain", "output")
     units = run_check(_material_units, "materials", "allow")
     units = run_check(_gravity_units, "gravity", "phases", "allow") and units
     run_check(_pair_units, "pairs", "phases", "allow")

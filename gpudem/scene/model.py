@@ -219,7 +219,7 @@ class Scene(Model):
         data["walls"] = [_stated(wall, digest) for wall in self.walls]
         if not self.domain.sides:
             del data["domain"]["sides"]
-        for key in ("wall_forces", "wall_stress", "group_forces"):
+        for key in ("wall_forces", "flow", "wall_stress", "group_forces"):
             if not data["output"][key]:
                 del data["output"][key]
         data["contact"] = {k: v for k, v in data["contact"].items() if (k, v) not in LATER_OF_CONTACT.items()}

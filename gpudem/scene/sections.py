@@ -258,6 +258,17 @@ def _observable_name(value: str) -> str:
 ObservableName = Annotated[str, AfterValidator(_observable_name)]
 
 
+class FlowPlane(Model):
+    """A plane across the domain, through which flow is counted; it acts on nothing."""
+
+    name: Name
+    """Name of its columns of the history."""
+    point: Annotated[Vector, vector("m")]
+    """A point of it [m]."""
+    normal: Annotated[Vector, vector("1", nonzero=True)]
+    """The direction in which flow counts as positive, of any length."""
+
+
 class Output(Model):
     """What is written, each at an interval in seconds, rounded to whole steps (at least one)."""
 
@@ -273,6 +284,9 @@ class Output(Model):
     wall_forces: tuple[Name, ...] = ()
     """Names of walls (of a box: of its planes) whose force, torque and work the history has:
     `force_NAME_x` [N], `torque_NAME_x` [N m], ..., `work_NAME` [J]."""
+    flow: tuple[FlowPlane, ...] = ()
+    """Planes whose net flow the history has: `flow_count_NAME` [1] and `flow_mass_NAME` [kg] since the start,
+    `flow_rate_NAME` [kg/s] since the row before."""
     wall_stress: tuple[Name, ...] = ()
     """Names of meshes whose frames (`frames/walls_<step>.vtu`) have pressure and shear stress [Pa] of each
     triangle: the force of the particles on it by its area, along its normal and within it."""

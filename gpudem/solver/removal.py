@@ -148,11 +148,30 @@ class Departures:
         self.step = np.full(len(scene.state), NEVER, np.int64)
         """The first step without the particle."""
         self.exit = np.full(len(scene.state), -1, np.int64)
+        self._place = np.zeros((len(scene.state) if scene.output.flow else 0, 3))
+        """Where each was when it left [m]; kept where flow is counted."""
 
-    def record(self, rows: np.ndarray, exits: np.ndarray, step: int) -> None:
+    def record(self, rows: np.ndarray, exits: np.ndarray, step: int, position: np.ndarray) -> None:
         """These particles have left through these exits before the forces of a step."""
         self.step[rows] = step  # mutate: step_of_leaving
         self.exit[rows] = exits
+        if len(self._place):
+            self._place[rows] = position  # mutate: place_of_leaving
+
+    def saved(self) -> dict[str, np.ndarray]:
+        """For a restart file."""
+        found = {"left_step": self.step, "left_exit": self.exit}
+        return {**found, "left_place": self._place} if len(self._place) else found
+
+    def load(self, saved: dict[str, np.ndarray]) -> None:
+        """Take over what `saved` gave."""
+        for name, array in self.saved().items():
+            array[:] = saved[name]
+
+    def places(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of the scene that have left, and where they were then [m]; where flow is counted."""
+        rows = np.flatnonzero(self.exit >= 0)
+        return rows, self._place[rows]
 
     @property
     def rank(self) -> np.ndarray:

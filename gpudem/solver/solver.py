@@ -332,7 +332,9 @@ class Solver:
 
     def _let_go(self, rows: np.ndarray, exits: np.ndarray) -> None:
         """The last particles of the sorted order leave, before the forces of the step to come."""
-        self.departures.record(rows, exits, self.step_count + 1)
+        present = self.state.present
+        bodies: Any = self.state.now[present - len(rows) : present].numpy()
+        self.departures.record(rows, exits, self.step_count + 1, bodies["position"])
         self._set_present(self.state.present - len(rows))
 
     def _set_present(self, count: int) -> None:
@@ -459,7 +461,7 @@ class Solver:
             stored["servo"] = np.array([[*s.state, *s.listed] for s in self._motion.servos.values()])
         stored["counts"] = np.array([*done, self.spec.half_list, *order], np.int64)
         if self.scene.exits:
-            stored |= {"left_step": self.departures.step, "left_exit": self.departures.exit}
+            stored |= self.departures.saved()
         if self._motion:
             stored["list_step"] = np.array(self._motion.list_step, np.int64)
         return stored
@@ -471,14 +473,14 @@ class Solver:
         """
         state, counts = self.state, [int(v) for v in saved["counts"]]
         extra = ["list_step"] * bool(self._motion) + ["servo"] * bool(self._motion.servos)
-        extra += ["left_step", "left_exit"] * bool(self.scene.exits)
+        extra += [*self.departures.saved()] * bool(self.scene.exits)
         names = {"now", "counts", *self._stored_arrays(), *extra}
         same = names == set(saved) and state.now.numpy().dtype == saved["now"].dtype
         if not same or counts[3] != self.spec.half_list:
             raise SimulationError("the saved state is of another scene, precision or kind of device")
         self.params.block, self.params.axes = counts[4], wp.vec3i(*counts[5:])  # mutate: restart_order
         if self.scene.exits:
-            self.departures.step[:], self.departures.exit[:] = saved["left_step"], saved["left_exit"]
+            self.departures.load(saved)
         # mutate: present_at_restart
         self._set_present(self.scene.count_at(counts[0]) - len(self.departures))
         state.now.assign(saved["now"])

@@ -17,7 +17,7 @@ from typing import Any
 
 from gpudem.extras import from_extra
 from gpudem.scene import Scene
-from reference.liggghts import groups, insertion, limits, removal, wall_loads, walls
+from reference.liggghts import flow, groups, insertion, limits, removal, wall_loads, walls
 from reference.liggghts.contact_model import model, properties, switches
 from reference.liggghts.decomposition import processors
 
@@ -94,7 +94,8 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "primitives": walls.primitives(scene), "changes": walls.changes(scene),
         **_of_meshes(scene, segments[0]),
         "boundary": " ".join("p" if p else "f" for p in scene.domain.periodic),
-        "beyond": removal.beyond(scene), "checked_every": removal.checked_every(thermo_stride(scene)),
+        "beyond": removal.beyond(scene), "planes": flow.formulas(scene),
+        "checked_every": removal.checked_every(thermo_stride(scene)),
         "soft": any(m.young < SOFT for m in scene.materials.values()),
         "properties": properties(scene), "model": model(scene), "switches": switches(scene),
         "processors": processors(scene, ranks) if ranks > 1 else None,
@@ -196,7 +197,8 @@ def history_columns(scene: Scene) -> list[str]:
     columns += ["mesh_contacts"] if walls.same_meshes(scene) else []
     columns += removal.columns(scene)
     columns += [word for load in wall_loads.loads(scene) for word in load.columns]
-    return columns + [word for load in groups.loads(scene) for word in load.columns]
+    columns += [word for load in groups.loads(scene) for word in load.columns]
+    return columns + flow.columns(scene)
 
 
 def thermo_stride(scene: Scene) -> int:

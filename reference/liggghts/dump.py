@@ -14,7 +14,7 @@ from gpudem.output.frames import FrameWriter
 from gpudem.output.run import HISTORY_COLUMNS, TRACE_COLUMNS
 from gpudem.output.vtu import Frame, FrameError, read_vtu
 from gpudem.scene import Scene
-from reference.liggghts import groups, removal, wall_loads
+from reference.liggghts import flow, groups, removal, wall_loads
 from reference.liggghts.deck import RAW, history_columns
 from reference.liggghts.errors import LiggghtsOutputError
 
@@ -205,7 +205,7 @@ def history(scene: Scene, blocks: list[list[str]], raw: Path) -> pandas.DataFram
     kept += [name for name in column if name.startswith("removed_")]
     usual = {name: column[name] for name in kept if name in column}
     found = usual | wall_loads.history(scene, raw, column) | groups.history(scene, column)
-    return observables.with_rates(pandas.DataFrame(found), [stated.name for stated in scene.exits])
+    return observables.with_rates(pandas.DataFrame(found | flow.history(scene, column)), scene)
 
 
 def mean_count(scene: Scene, blocks: list[list[str]]) -> int:

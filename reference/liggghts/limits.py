@@ -9,7 +9,7 @@ from gpudem.scene.laws import acting
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.motion import Servo
 from gpudem.scene.walls import Wall
-from reference.liggghts import groups, removal, wall_loads
+from reference.liggghts import flow, groups, removal, wall_loads
 from reference.liggghts.contact_model import laws_of, pairs_of
 from reference.liggghts.errors import LiggghtsCannotState
 from reference.liggghts.insertion import MOST
@@ -55,7 +55,7 @@ def warnings(scene: Scene) -> list[str]:
                 " at its limit LIGGGHTS resets the integral so that the wall goes the other way;"
                 " mesh_contacts = 'liggghts' has gpudem follow it"
             )
-    found += [*wall_loads.warnings(scene), *removal.warnings(scene)]
+    found += [*wall_loads.warnings(scene), *removal.warnings(scene), *flow.warnings(scene)]
     contact = scene.contact
     at_setup = scene.needs.history and contact.tangential_damping and not contact.frictionless_dashpot
     groups = scene.contact_groups.items()

@@ -94,10 +94,10 @@ def chosen(scene: Scene) -> list[str] | None:
     """Names of the history's columns where a scene chooses them; None: all."""
     if scene.output.history is None:
         return None
-    parts = ("removed", "removed_mass", "removal_rate")
-    exits = [f"{part}_{stated.name}" for stated in scene.exits for part in parts]
+    exits = [f"removed_{part}{stated.name}" for stated in scene.exits for part in ("", "mass_")]
+    planes = [f"flow_{what}_{plane.name}" for plane in scene.output.flow for what in ("count", "mass")]
     walls = [name for wall in _wanted(scene) for name in _names(scene, wall)]
-    return [*scene.output.history, *walls, *groups.names(scene), *exits]
+    return [*scene.output.history, *walls, *groups.names(scene), *exits, *planes, *observables.rates(scene)]
 
 
 def _wanted(scene: Scene) -> list[Wall]:

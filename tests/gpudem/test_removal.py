@@ -18,6 +18,7 @@ from tests.gpudem.test_insertion import falling
 from tests.gpudem.test_restart import stopped_and_resumed
 
 STEP = 2e-5
+PLANE = {"name": "gate", "point": (0.08, 0, 0), "normal": (1, 0, 0)}
 
 
 def parting(**changes) -> Scene:
@@ -100,7 +101,7 @@ def whole(tmp_path_factory) -> Run:
 
 
 def recorded() -> Scene:
-    output = {"frames_every": 0.01, "history_every": 0.001, "restart_every": 0.0005}
+    output = {"frames_every": 0.01, "history_every": 0.001, "restart_every": 0.0005, "flow": [PLANE]}
     return removing(output=output)
 
 
@@ -219,6 +220,26 @@ def test_age():
         assert np.flatnonzero(there[:, particle]).tolist() == list(range(begin, end))
     assert found.history is not None
     assert found.history.removed_old.tolist() == [0] * 12 + [1] * 3 + [3] * 6
+
+
+def test_flow():
+    """Detects: a flow of the wrong sign, of what came beyond the plane, or lost with what leaves.
+
+    The first ball is beyond x = 0.29 from the start, the second passes it after 0.00999 m, in step 500, and
+    leaves in step 1014; the third passes x = -0.2101 the other way after 0.0101 m, in step 506.
+    """
+    planes = [
+        {"name": "right", "point": (0.29, 0, 0), "normal": (5, 0, 0)},
+        {"name": "left", "point": (-0.2101, 0, 0), "normal": (1, 0, 0)},
+    ]
+    scene = parting(output={"history_every": STEP, "history": ["particles"], "flow": planes})
+    history, masses = run(scene).history, scene.masses
+    assert history is not None
+    assert history.flow_count_right.tolist() == [0] * 500 + [1] * 1501
+    assert history.flow_count_left.tolist() == [0] * 506 + [-1] * 1495
+    assert history.flow_mass_right.iloc[-1] == masses[1]
+    assert history.flow_mass_left.iloc[-1] == -masses[2]
+    assert history.flow_rate_left.sum() * STEP == pytest.approx(-masses[2])
 
 
 def removing(count: int = 100, **changes) -> Scene:

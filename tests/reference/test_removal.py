@@ -15,6 +15,11 @@ from tests.reference.test_insertion import pouring
 #: Of a diameter, after some thousand steps with contacts.
 TOLERANCE = 1e-9
 STEP = 1e-5
+#: Beside the open side, and in the middle of the box, with balls that come on both of its sides.
+PLANES = [
+    {"name": "gate", "point": (0.02, 0, 0), "normal": (-2, 0, 0)},
+    {"name": "middle", "point": (0.06, 0, 0), "normal": (1, 0, 0)},
+]
 
 
 def running_out(periodic: bool = False, open_sides: tuple[str, ...] = ("xlo",), **changes) -> Scene:
@@ -35,6 +40,7 @@ def running_out(periodic: bool = False, open_sides: tuple[str, ...] = ("xlo",), 
             "trace_every": STEP,
             "history_every": STEP,
             "frames_every": 0.01,
+            "flow": PLANES,
             "history": ["particles", "kinetic_energy", "potential_energy", "contacts", "centre_x"],
         },
     }
@@ -59,6 +65,8 @@ def test_agrees_with_binary(options, tmp_path, liggghts):
     assert ours.history is not None
     assert list(run.history) == list(ours.history)
     assert run.history.removed_xlo.iloc[-1] == gone.sum()
+    assert run.history.flow_count_gate.iloc[-1] > 3
+    assert run.history.flow_count_middle.iloc[-1] < -3
     for name in ours.history.columns:
         scale = np.nanmax(np.abs(ours.history[name]))
         assert np.nanmax(np.abs(run.history[name] - ours.history[name])) <= 1e-9 * scale, name
@@ -107,5 +115,6 @@ def test_several_open_sides(tmp_path, liggghts):
     """Detects: columns of one side with what left through another."""
     run = code.run(running_out(open_sides=("xlo", "xhi")), tmp_path)
     assert run.history is not None
-    assert not [name for name in run.history if name.startswith("removed")]
+    assert not [name for name in run.history if name.startswith(("removed", "removal", "flow"))]
+    assert any("flow_*_gate are left out" in warning for warning in run.warnings)
     assert any("removed_* and removed_mass_* are left out" in warning for warning in run.warnings)

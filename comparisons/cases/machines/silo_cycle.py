@@ -18,6 +18,7 @@ from comparisons.metrics import statistics
 from comparisons.report import plots
 from gpudem.output.run import Run
 from gpudem.scene import Domain, Explicit, Output, Scene, Time
+from gpudem.scene.sections import FlowPlane
 
 #: Width along x and depth along y of the silo, width of its slot [d].
 WIDTH, DEPTH, SLOT = 8.0, 4.15, 5.0
@@ -34,6 +35,8 @@ EARLY = 0.09
 SIDE = "zlo"
 #: The scene in which balls leave before rounding has grown; its trace has every so many steps.
 CHUTE, CHUTE_EVERY = "chute", 4
+#: Plane below the slot through which flow is counted.
+SLOT_PLANE = FlowPlane(name="slot", point=(0.0, 0.0, -1.5 * DIAMETER), normal=(0.0, 0.0, -1.0))
 #: Interval [s] of history and trace of a silo.
 INTERVAL = 0.002
 
@@ -79,7 +82,7 @@ def scene(seed: int = 1) -> Scene:
         ],
         domain=Domain(lo=(-1.1 * x, -1.1 * y, low), hi=(1.1 * x, 1.1 * y, top), sides={SIDE: "outflow"}),
         time=Time(step=step(SOFT), duration=ENDS),
-        output=Output(trace_every=INTERVAL, history_every=INTERVAL,
+        output=Output(trace_every=INTERVAL, history_every=INTERVAL, flow=(SLOT_PLANE,),
                       history=("particles", "kinetic_energy", "contacts", "centre_z")),
     )  # fmt: skip
 
@@ -227,6 +230,22 @@ def compared(results: kit.Results, code: str, other: str) -> dict[str, statistic
     )
 
 
+def passed(results: kit.Results, code: str) -> dict[str, kit.Measured]:
+    """Balls that have passed the plane below the slot by the history, against those that are below it in the
+    trace or have left; NaN where none passes.
+    """
+    found = {}
+    for label in results.labels(code, prefix="silo"):
+        run = results[label, code]
+        low = absent(run) | (np.nan_to_num(run.trace["position"][..., 2]) < SLOT_PLANE.point[2])
+        counted = run.history["flow_count_slot"].to_numpy()
+        weighed = run.history["flow_mass_slot"].to_numpy() - low @ run.scene.masses
+        off = np.abs(counted - low.sum(axis=1)) + np.abs(weighed) / run.scene.masses.sum()
+        value = float(off.max()) if counted[-1] > 0 else float("nan")
+        found[label] = kit.Measured(value, note=f"{counted[-1]} balls")
+    return found
+
+
 def at_end(results: kit.Results, code: str) -> dict[str, kit.Measured]:
     """Share of the balls that leave in the last tenth of a second of a silo; NaN where half has not left."""
     found = {}
@@ -305,6 +324,12 @@ CASE = kit.Case(
             "balls that are there again after they have left", back_again, tolerance=0.0,
             against="conservation", reason="ids are not used again",
             catches="an id given to a ball that is inserted later",
+        ),
+        kit.per_code(
+            "flow through a plane below the slot by the history against balls below it or gone in the trace:"
+            " balls + mass / mass of all",
+            passed, tolerance=1e-12, against="conservation", reason="counts and sums of the same balls",
+            catches="balls that leave taken for ones that come back, a flow of the wrong sign",
         ),
         kit.per_code(
             "how far inside the open side a ball can have left, or beyond it have stayed / diameter",
