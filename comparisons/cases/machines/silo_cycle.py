@@ -17,8 +17,7 @@ from comparisons.kit import LONG
 from comparisons.metrics import statistics
 from comparisons.report import plots
 from gpudem.output.run import Run
-from gpudem.scene import Domain, Explicit, Output, Scene, Time
-from gpudem.scene.sections import FlowPlane
+from gpudem.scene import Domain, Explicit, FlowPlane, Output, Scene, Time
 
 #: Width along x and depth along y of the silo, width of its slot [d].
 WIDTH, DEPTH, SLOT = 8.0, 4.15, 5.0
