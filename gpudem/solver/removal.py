@@ -156,7 +156,7 @@ class Departures:
         self.step[rows] = step  # mutate: step_of_leaving
         self.exit[rows] = exits
         if len(self._place):
-            self._place[rows] = position  # mutate: place_of_leaving
+            self._place[rows] = position
 
     def saved(self) -> dict[str, np.ndarray]:
         """For a restart file."""
