@@ -112,21 +112,9 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "any_frozen": groups.any_frozen(scene),
     }  # fmt: skip
     sections = [
-        "header",
-        "particles",
-        "groups",
-        "materials",
-        "contact",
-        "meshes",
-        "walls",
-        "gravity",
-        "frozen",
-        "insertion",
-        "integration",
-        "history",
-        "frames",
-    ]
-    sections += ["trace", "run"]
+        "header", "particles", "groups", "materials", "contact", "meshes", "walls", "gravity", "frozen",
+        "insertion", "integration", "history", "frames", "trace", "run",
+    ]  # fmt: skip
     present = {
         "groups": scene.needs.held,
         "frozen": groups.any_frozen(scene),
