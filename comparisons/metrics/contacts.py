@@ -4,54 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from gpudem.scene.walls import Wall
-
-
-@dataclasses.dataclass(frozen=True)
-class Placed:
-    """A wall where its motions have moved it."""
-
-    wall: Wall
-    rotation: np.ndarray
-    """Shape (3, 3)."""
-    shift: np.ndarray
-    """[m], shape (3,)."""
-
-    @property
-    def name(self) -> str:
-        """Of the wall."""
-        return self.wall.name
-
-    @property
-    def normal(self) -> np.ndarray | None:
-        """Of a plane; None of other walls."""
-        own = normal_of(self.wall)
-        return None if own is None else self.rotation @ own
-
-    @property
-    def material(self) -> str:
-        """Of the wall."""
-        return self.wall.material
-
-    def gap(self, points: np.ndarray) -> np.ndarray:
-        """Distance [m] of points, (n, 3), from its surface."""
-        return self.wall.gap((points - self.shift) @ self.rotation)
-
-
-def normal_of(wall: Surface) -> np.ndarray | None:
-    """The normal of a plane; None of other walls, which have none of their own."""
-    if isinstance(wall, Placed):
-        return wall.normal
-    return np.array(wall.shape()[0]) if wall.kind == "plane" else None
-
-
-#: A wall at its place at the start, or where it has moved.
-Surface: TypeAlias = "Wall | Placed"
+    from gpudem.scene.placed import Surface
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,7 +74,7 @@ def find(
     walls: Sequence[Surface] = (),
     free: np.ndarray | None = None,
 ) -> Contacts:
-    """All contacts of a state; `walls` are elementary walls where they are then (`parting.walls_at`).
+    """All contacts of a state; `walls` are elementary walls where they are then (`walls_at`).
     Arguments as in `touching`; particles whose place is NaN are not there. Those that are not `free`, (n,),
     touch free ones only; by default all are.
     """

@@ -11,8 +11,7 @@ from comparisons.metrics import contacts
 from comparisons.metrics.growth import first_beyond
 from gpudem.scene import Scene
 from gpudem.scene.groups import FREE
-from gpudem.scene.motion import Servo
-from gpudem.scene.walls import Wall
+from gpudem.scene.placed import Surface, normal_of, walls_at
 
 Trace = Mapping[str, np.ndarray]
 
@@ -82,37 +81,7 @@ def period(scene: Scene) -> np.ndarray:
     return np.where(scene.domain.periodic, hi - lo, 0.0)
 
 
-def walls_at(
-    scene: Scene, time: float, servo_ways: Mapping[str, np.ndarray] | None = None
-) -> list[contacts.Surface]:
-    """Elementary walls present at a time [s], where they are then.
-
-    Left out: planes that move by `vibration`, and walls with a servo of which `servo_ways` does not say how
-    far they are from their place at the start [m], (3,).
-    """
-    step = round(time / scene.time.step)
-    found: list[contacts.Surface] = []
-    for wall in scene.wall_elements:
-        if wall.begin > time or (wall.end is not None and time >= wall.end) or wall.speed > 0:
-            continue
-        if not wall.motion:
-            found.append(wall)
-        elif wall.name in (servo_ways or {}):
-            found.append(contacts.Placed(wall, np.eye(3), (servo_ways or {})[wall.name]))
-        elif wall.name in scene.wall_paths and not has_servo(wall):
-            pose = scene.wall_paths[wall.name].at(step, 1)
-            found.append(contacts.Placed(wall, pose.rotation[0], pose.shift[0]))
-    return found
-
-
-def has_servo(wall: Wall) -> bool:
-    """Whether the force on a wall decides where it goes."""
-    return any(isinstance(motion, Servo) for motion in wall.motion)
-
-
-def state_of(
-    scene: Scene, position: np.ndarray, walls: float | Sequence[contacts.Surface]
-) -> contacts.Contacts:
+def state_of(scene: Scene, position: np.ndarray, walls: float | Sequence[Surface]) -> contacts.Contacts:
     """All contacts of a state of a scene; `walls`: as `walls_at` has them, or the time [s] for it."""
     here = walls_at(scene, walls) if isinstance(walls, float | int) else walls
     return contacts.find(position, scene.state.radius, period(scene), here, scene.held == FREE)
@@ -197,7 +166,7 @@ class _Cause:
                     candidates["particle", other] = normal if self.i == i else -normal
             for i, k in state.wall_pairs.tolist():
                 if i == self.i:
-                    candidates["wall", k] = contacts.normal_of(walls[k])
+                    candidates["wall", k] = normal_of(walls[k])
         if not candidates:
             return "", None, None, False
         change = self.change[self.i]

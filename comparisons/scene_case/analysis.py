@@ -16,6 +16,7 @@ from comparisons.scene_case.plan import Plan
 from gpudem.output.run import Run
 from gpudem.scene import Scene
 from gpudem.scene.groups import FREE, FROZEN
+from gpudem.scene.placed import Surface, has_servo, walls_at
 from gpudem.scene.removal import search_box
 from gpudem.scene.time_step import position_spacing
 from gpudem.solver.guards import inserted_energy
@@ -282,7 +283,7 @@ def sanity(results: Results, plan: Plan, code: str) -> Sanity:
             walls_work(results[plans.SCENE, code], part),
         )
         walls = [
-            parting.walls_at(scene, float(t), {n: w[k] for n, w in ways.items() if np.isfinite(w[k]).all()})
+            walls_at(scene, float(t), {n: w[k] for n, w in ways.items() if np.isfinite(w[k]).all()})
             for k, t in enumerate(part["time"])
         ]
         states = [parting.state_of(scene, x, here) for x, here in zip(part["position"], walls, strict=True)]
@@ -321,7 +322,7 @@ def walls_work(run: Run, part: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[
             missing = f"{codes.title(run.code)} does not tell the work of wall {wall.name!r}"
             return np.full(len(steps), np.nan), ways, missing
         work = work + table[column].to_numpy()
-        if parting.has_servo(wall):
+        if has_servo(wall):
             ways[wall.name] = table[place].to_numpy() - np.array(wall.torque_point)
     return work, ways, ""
 
@@ -342,9 +343,7 @@ def _busiest(scene: Scene, whole: dict[str, np.ndarray]) -> list[int]:
     return [int(np.argmax(_norm(pull).max(axis=1)))]
 
 
-def elastic_energy(
-    scene: Scene, state: contacts.Contacts, walls: Sequence[contacts.Surface], step: int
-) -> float:
+def elastic_energy(scene: Scene, state: contacts.Contacts, walls: Sequence[Surface], step: int) -> float:
     """Elastic energy [J] of the normal contacts by the scene's law: m* v^2/2 of each overlap."""
     names, law, at = list(scene.materials), scene.normal_law, scene.phase_after(step - 1)
     mass, radius = scene.masses.tolist(), scene.state.radius.tolist()

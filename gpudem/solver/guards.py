@@ -6,15 +6,19 @@ bring about by themselves; they end the run. The energy is looked at in the hist
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gpudem.scene.overlaps import start_elastic_energy
+from gpudem.scene.groups import FREE
+from gpudem.scene.overlaps import find_overlaps, start_elastic_energy
+from gpudem.scene.placed import walls_at
 
 if TYPE_CHECKING:
     import pandas
 
+    from gpudem.output.run import Run
     from gpudem.scene import Scene
     from gpudem.scene.walls import Wall
 
@@ -22,6 +26,8 @@ if TYPE_CHECKING:
 MAX_OVERLAP = 0.5
 #: Largest displacement in a step, as a share of the smallest radius: beyond it spheres pass through others.
 MAX_MOVE = 1.0
+#: States of a run's output at which overlaps are looked for.
+STATES = 20
 #: Growth of kinetic and potential energy, as a share of what the scene had to lose.
 MAX_GROWTH = 0.05
 
@@ -104,3 +110,62 @@ def energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]
         f" start by {100 * growth[k]:.3g} % of the kinetic energy at the start and a fall by one diameter"
         f" (at most {100 * growth.max():.3g} % later): {cause}"
     ]
+
+
+def overlap_warnings(run: Run) -> list[str]:
+    """The deepest overlap in the output of a run, where it is one that ends a run of gpudem.
+
+    For codes that do not look for it. Looked at are some states of the trace, or of the frames, the one with
+    the largest force among them; walls with a servo, whose place the scene does not tell, are left out.
+    """
+    scene, limit = run.scene, overlap_limit(run.scene)
+    if np.isinf(limit):
+        return []
+    share, words = limit, ""
+    for time, position in _states(run):
+        found, what = _deepest(scene, time, position, share)
+        if found > share:
+            share, words = found, f"{what} at t = {time:.6g} s"
+    if not words:
+        return []
+    return [
+        f"overlap of {share:.3g} of the radius: {words}; beyond {limit:g} no contact law holds, and gpudem"
+        f" ends a run: {OVERLAP_ADVICE}"
+    ]
+
+
+def _states(run: Run) -> Iterator[tuple[float, np.ndarray]]:
+    """(time [s], positions [m] of the particles that are there) of some states of a run's output."""
+    if run.trace is not None:
+        trace = run.trace
+        rows = np.linspace(0, len(trace["time"]) - 1, STATES).astype(int)
+        if "force" in trace:
+            largest = np.linalg.norm(np.nan_to_num(trace["force"]), axis=2).max(axis=1, initial=0.0)
+            rows = np.append(rows, np.argmax(largest))
+        for k in np.unique(rows):
+            there = np.isfinite(trace["position"][k]).all(axis=1)
+            yield float(trace["time"][k]), trace["position"][k][there]
+        return
+    for k in np.unique(np.linspace(0, len(run.frames) - 1, STATES).astype(int)):
+        yield float(run.frames.times[k]), run.frames[k]["position"]
+
+
+def _deepest(scene: Scene, time: float, position: np.ndarray, limit: float) -> tuple[float, str]:
+    """(overlap / smaller radius, whose) of the deepest overlap above a share; (0, "") if there is none."""
+    share, words = 0.0, ""
+    n, lo = len(position), np.array(scene.domain.lo)
+    radius, free = scene.state.radius[:n], scene.held[:n] == FREE
+    for wall in walls_at(scene, time):
+        depth = np.where(free, wall.overlap(position, radius) / radius, 0.0)
+        if n and depth.max() > max(limit, share):
+            share = float(depth.max())
+            words = f"particle {int(np.argmax(depth)) + 1} in wall {wall.name}"
+    if n < 2:
+        return share, words
+    period = np.where(scene.domain.periodic, np.array(scene.domain.hi) - lo, 0.0)
+    inside = np.where(period > 0, np.mod(position - lo, np.where(period > 0, period, 1.0)), position - lo)
+    found = find_overlaps(inside, radius, period, max(limit, share), free)
+    if found is None:
+        return share, words
+    i, j = found.worst
+    return found.overlap / float(radius[[i, j]].min()), f"particles {i + 1} and {j + 1}"

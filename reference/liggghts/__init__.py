@@ -11,6 +11,7 @@ from gpudem.output.atomic import WriteError
 from gpudem.output.directory import begin
 from gpudem.output.run import Run, Timing
 from gpudem.scene import Scene, checks
+from gpudem.solver import guards
 from reference.liggghts import binary as program
 from reference.liggghts import dump, limits, recorded, wall_loads
 from reference.liggghts.deck import RAW, TRACE, render
@@ -68,6 +69,7 @@ def run(
     notes = {"deck_hash": deck.hash, "ranks": ranks, "recorded": False, "binary": binary, **console.counts}
     warnings = [*checks.warnings(scene), *limits.warnings(scene), *console.warnings, *left_out]
     result = Run("liggghts", console.version, scene, directory, timing, warnings, notes, traced, history)
+    result.warnings += guards.overlap_warnings(result)
     result.save()
     return result
 

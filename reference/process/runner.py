@@ -16,6 +16,7 @@ from gpudem.errors import GpudemError
 from gpudem.output.atomic import WriteError
 from gpudem.output.run import Run, Timing
 from gpudem.scene import Scene, checks
+from gpudem.solver import guards
 from reference.code import Code, Options, Progress
 from reference.errors import CannotState, CodeTimeout
 from reference.process import contacts, contract, statement, states
@@ -107,6 +108,7 @@ class Process:
         warnings = [*checks.warnings(scene), *warnings, *found.warnings]
         version = " ".join(text for text in (about.name, about.version) if text)
         run = Run(self.name, version, scene, directory, timing, warnings, notes, trace, history)
+        run.warnings += guards.overlap_warnings(run)
         run.save()
         return run
 

@@ -1,6 +1,7 @@
 """Guards: what would be a wrong result without a message ends with one, naming particle, time and cause."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pandas
@@ -8,6 +9,7 @@ import pytest
 
 from gpudem.driver import simulate as run
 from gpudem.errors import SimulationError
+from gpudem.output.run import Run, Timing
 from gpudem.scene import Scene
 from gpudem.scene.overlaps import start_elastic_energy
 from gpudem.solver import guards
@@ -142,3 +144,36 @@ def test_a_step_too_long_is_the_cause_beside_overlaps_too():
         history = pandas.DataFrame([(0.0, 0.0, 0.0, 0.0), (1.0, factor * exact, 0.0, 0.0)], columns=columns)
         (warning,) = guards.energy_warnings(scene, history)
         assert warning.endswith(cause)
+
+
+def output_of(scene: Scene, heights: list[float], force: list[float] | None = None) -> Run:
+    """A run of another code that has its balls at these heights [m], one a state."""
+    position = np.repeat(scene.state.position[None], len(heights), axis=0)
+    position[:, 0, 2] = heights
+    trace = {"time": np.arange(len(heights)) * scene.time.step, "position": position}
+    if force:
+        trace["force"] = np.zeros_like(position)
+        trace["force"][:, 0, 2] = force
+    return Run("other", "1", scene, Path(), Timing(len(scene.state), len(heights), 1.0), trace=trace)
+
+
+def test_a_deep_overlap_in_the_output_of_another_code():
+    """Of two particles, in a wall, in a wall that has moved: named with its time. Detects a code that goes on
+    without a word; a state of the largest force that is not looked at; a wall at its first place; an overlap
+    within the limit, or one that the scene waives, called deep.
+    """
+    pair = two(1.0, 1e-5)
+    (found,) = guards.overlap_warnings(output_of(pair, [0.02, 0.0245]))
+    assert found.startswith("overlap of 1.17 of the radius: particles 1 and 2 at t = 1e-05 s")
+    assert "no contact law holds" in found
+    assert guards.overlap_warnings(output_of(pair, [0.02, 0.0224])) == []
+    assert guards.overlap_warnings(output_of(pair.replace(allow=("large_overlap",)), [0.0245])) == []
+    wall = two(1.0, 1e-5, wall=True)
+    heights = [0.004] * 1000
+    heights[505] = 0.001
+    assert guards.overlap_warnings(output_of(wall, heights)) == []
+    (found,) = guards.overlap_warnings(output_of(wall, heights, [float(h < 0.002) for h in heights]))
+    assert "overlap of 0.667 of the radius: particle 1 in wall floor at t = 0.00505 s" in found
+    lift = {**WALL, "motion": [{"type": "linear", "velocity": (0, 0, 30.0)}]}
+    (found,) = guards.overlap_warnings(output_of(wall.replace(walls=[lift]), [0.004] * 10))
+    assert "overlap of 0.567 of the radius: particle 1 in wall floor at t = 9e-05 s" in found

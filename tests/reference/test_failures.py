@@ -10,6 +10,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from comparisons.cases.limits import extreme_scenes
 from comparisons.harness import jobs
 from reference import liggghts as code
 from reference.errors import CodeNotStarted
@@ -189,3 +190,11 @@ def test_command_line_is_safe():
     """Trap 5: line-buffered; trap 6: never `-screen none`, which crashes LIGGGHTS with mesh walls."""
     assert command("liggghts", 1)[:2] == ["stdbuf", "-oL"]
     assert "-screen" not in command("liggghts", 2)
+
+
+@pytest.mark.liggghts
+def test_a_crushed_ball_is_said(tmp_path, liggghts):
+    """The binary goes on without a word (trap 43). Detects a run whose overlaps nobody looks at."""
+    crushed = next(x.scene for x in extreme_scenes.scenes() if x.name == "crushed")
+    warnings = code.run(crushed, tmp_path).warnings
+    assert any("overlap of 0.666 of the radius: particle 2 in wall plate" in text for text in warnings)

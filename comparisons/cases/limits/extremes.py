@@ -58,17 +58,20 @@ def wrong(x: Extreme, error: float | None) -> bool:
     return error is not None and not error <= x.tolerance
 
 
+def warned(results: kit.Results, x: Extreme, one: kit.Configuration) -> bool:
+    """Whether a run has a warning about its result; one about the scene alone says nothing about it."""
+    run = results.runs.get(one.key(x.name))
+    return run is not None and bool(set(run.warnings) - set(scene_checks.scene_warnings(run.scene)))
+
+
 def silent_errors(results: kit.Results, one: kit.Configuration) -> kit.Measured:
     """Runs of gpudem that came to their end with a wrong number and without a message."""
     silent, tier = [], chosen(results.tier)
     for x in tier:
         error, message = found(results, x, one)
-        run = results.runs.get(one.key(x.name))
-        # a warning about the scene alone says nothing about the result
-        warned = run is not None and bool(set(run.warnings) - set(scene_checks.scene_warnings(run.scene)))
         if error is None and not message:
             silent.append(f"{x.name}: not run")
-        elif wrong(x, error) and not warned:
+        elif wrong(x, error) and not warned(results, x, one):
             silent.append(f"{x.name}: {error:.2g}")
     return kit.Measured(float(len(silent)), note=f"{len(tier)} scenes; " + "; ".join(silent))
 
@@ -109,7 +112,10 @@ def table(results: kit.Results) -> kit.Rows:
 
     def cell(x: Extreme, one: kit.Configuration) -> str:
         error, message = found(results, x, one)
-        return message if error is None else number(error, 2) + ": wrong, no message" * wrong(x, error)
+        if error is None:
+            return message
+        said = "with a warning" if warned(results, x, one) else "no message"
+        return number(error, 2) + f": wrong, {said}" * wrong(x, error)
 
     return [{"extreme": x.title} | {one.title: cell(x, one) for one in columns} for x in chosen(results.tier)]
 

@@ -1,0 +1,87 @@
+"""Walls where they are at a time of a run, for what looks at its output: contacts, overlaps, energies."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from gpudem.scene.motion import Servo
+from gpudem.scene.walls import Wall
+
+if TYPE_CHECKING:
+    from gpudem.scene.model import Scene
+
+
+@dataclasses.dataclass(frozen=True)
+class Placed:
+    """A wall where its motions have moved it."""
+
+    wall: Wall
+    rotation: np.ndarray
+    """Shape (3, 3)."""
+    shift: np.ndarray
+    """[m], shape (3,)."""
+
+    @property
+    def name(self) -> str:
+        """Of the wall."""
+        return self.wall.name
+
+    @property
+    def normal(self) -> np.ndarray | None:
+        """Of a plane; None of other walls."""
+        own = normal_of(self.wall)
+        return None if own is None else self.rotation @ own
+
+    @property
+    def material(self) -> str:
+        """Of the wall."""
+        return self.wall.material
+
+    def gap(self, points: np.ndarray) -> np.ndarray:
+        """Distance [m] of points, (n, 3), from its surface."""
+        return self.wall.gap((points - self.shift) @ self.rotation)
+
+    def overlap(self, points: np.ndarray, radius: np.ndarray) -> np.ndarray:
+        """Overlap [m] of spheres with it (`Wall.overlap`)."""
+        return self.wall.overlap((points - self.shift) @ self.rotation, radius)
+
+
+def normal_of(wall: Wall | Placed) -> np.ndarray | None:
+    """The normal of a plane; None of other walls, which have none of their own."""
+    if isinstance(wall, Placed):
+        return wall.normal
+    return np.array(wall.shape()[0]) if wall.kind == "plane" else None
+
+
+#: A wall at its place at the start, or where it has moved.
+Surface: TypeAlias = Wall | Placed
+
+
+def walls_at(scene: Scene, time: float, servo_ways: Mapping[str, np.ndarray] | None = None) -> list[Surface]:
+    """Elementary walls present at a time [s], where they are then.
+
+    Left out: planes that move by `vibration`, and walls with a servo of which `servo_ways` does not say how
+    far they are from their place at the start [m], (3,).
+    """
+    step = round(time / scene.time.step)
+    found: list[Surface] = []
+    for wall in scene.wall_elements:
+        if wall.begin > time or (wall.end is not None and time >= wall.end) or wall.speed > 0:
+            continue
+        if not wall.motion:
+            found.append(wall)
+        elif wall.name in (servo_ways or {}):
+            found.append(Placed(wall, np.eye(3), (servo_ways or {})[wall.name]))
+        elif wall.name in scene.wall_paths and not has_servo(wall):
+            pose = scene.wall_paths[wall.name].at(step, 1)
+            found.append(Placed(wall, pose.rotation[0], pose.shift[0]))
+    return found
+
+
+def has_servo(wall: Wall) -> bool:
+    """Whether the force on a wall decides where it goes."""
+    return any(isinstance(motion, Servo) for motion in wall.motion)
