@@ -287,10 +287,11 @@ def _explained(
 
 
 def _order(runs: list[Run], errors: Sequence[float]) -> float:
-    """Observed order between the two smallest steps; nan where there are none."""
+    """Observed order between the two smallest steps; nan where there are none, or they are the same."""
     if len(runs) < 2 or not errors[0] > 0 or not errors[1] > 0:
         return math.nan
-    return math.log(errors[1] / errors[0]) / math.log(runs[1].scene.time.step / runs[0].scene.time.step)
+    refined = runs[1].scene.time.step / runs[0].scene.time.step
+    return math.log(errors[1] / errors[0]) / math.log(refined) if refined != 1.0 else math.nan
 
 
 # -- in the report -------------------------------------------------------------------------------------------
