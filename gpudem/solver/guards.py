@@ -122,8 +122,8 @@ def overlap_warnings(run: Run) -> list[str]:
     if np.isinf(limit):
         return []
     share, words = limit, ""
-    for time, position in _states(run):
-        found, what = _deepest(scene, time, position, share)
+    for time, rows, position in _states(run):
+        found, what = _deepest(scene, time, rows, position, share)
         if found > share:
             share, words = found, f"{what} at t = {time:.6g} s"
     if not words:
@@ -134,8 +134,8 @@ def overlap_warnings(run: Run) -> list[str]:
     ]
 
 
-def _states(run: Run) -> Iterator[tuple[float, np.ndarray]]:
-    """(time [s], positions [m] of the particles that are there) of some states of a run's output."""
+def _states(run: Run) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
+    """(time [s], rows and positions [m] of the particles that are there) of some states of a run's output."""
     if run.trace is not None:
         trace = run.trace
         rows = np.linspace(0, len(trace["time"]) - 1, STATES).astype(int)
@@ -143,29 +143,34 @@ def _states(run: Run) -> Iterator[tuple[float, np.ndarray]]:
             largest = np.linalg.norm(np.nan_to_num(trace["force"]), axis=2).max(axis=1, initial=0.0)
             rows = np.append(rows, np.argmax(largest))
         for k in np.unique(rows):
-            there = np.isfinite(trace["position"][k]).all(axis=1)
-            yield float(trace["time"][k]), trace["position"][k][there]
+            there = np.flatnonzero(np.isfinite(trace["position"][k]).all(axis=1))
+            yield float(trace["time"][k]), there, trace["position"][k][there]
         return
-    for k in np.unique(np.linspace(0, len(run.frames) - 1, STATES).astype(int)):
-        yield float(run.frames.times[k]), run.frames[k]["position"]
+    frames = run.frames
+    for k in np.unique(np.linspace(0, len(frames) - 1, STATES).astype(int)):
+        frame = frames[k]
+        yield float(frames.times[k]), np.asarray(frame["id"]) - 1, frame["position"]
 
 
-def _deepest(scene: Scene, time: float, position: np.ndarray, limit: float) -> tuple[float, str]:
+def _deepest(
+    scene: Scene, time: float, rows: np.ndarray, position: np.ndarray, limit: float
+) -> tuple[float, str]:
     """(overlap / smaller radius, whose) of the deepest overlap above a share; (0, "") if there is none."""
     share, words = 0.0, ""
-    n, lo = len(position), np.array(scene.domain.lo)
-    radius, free = scene.state.radius[:n], scene.held[:n] == FREE
+    radius, free = scene.state.radius[rows], scene.held[rows] == FREE
     for wall in walls_at(scene, time):
         depth = np.where(free, wall.overlap(position, radius) / radius, 0.0)
-        if n and depth.max() > max(limit, share):
+        if len(rows) and depth.max() > max(limit, share):
             share = float(depth.max())
-            words = f"particle {int(np.argmax(depth)) + 1} in wall {wall.name}"
-    if n < 2:
+            words = f"particle {rows[np.argmax(depth)] + 1} in wall {wall.name}"
+    if len(rows) < 2:
         return share, words
-    period = np.where(scene.domain.periodic, np.array(scene.domain.hi) - lo, 0.0)
-    inside = np.where(period > 0, np.mod(position - lo, np.where(period > 0, period, 1.0)), position - lo)
+    lo, hi = np.array(scene.domain.lo), np.array(scene.domain.hi)
+    period = np.where(scene.domain.periodic, hi - lo, 0.0)
+    inside = np.where(period > 0, np.mod(position - lo, hi - lo), position - lo)
     found = find_overlaps(inside, radius, period, max(limit, share), free)
     if found is None:
         return share, words
     i, j = found.worst
-    return found.overlap / float(radius[[i, j]].min()), f"particles {i + 1} and {j + 1}"
+    words = f"particles {rows[i] + 1} and {rows[j] + 1}"
+    return found.overlap / float(radius[[i, j]].min()), words

@@ -1,5 +1,6 @@
 """Guards: what would be a wrong result without a message ends with one, naming particle, time and cause."""
 
+import dataclasses
 import re
 from pathlib import Path
 
@@ -167,6 +168,12 @@ def test_a_deep_overlap_in_the_output_of_another_code():
     assert found.startswith("overlap of 1.17 of the radius: particles 1 and 2 at t = 1e-05 s")
     assert "no contact law holds" in found
     assert guards.overlap_warnings(output_of(pair, [0.02, 0.0224])) == []
+    gone = output_of(pair, [np.nan, 0.02])
+    assert gone.trace is not None
+    gone.trace["position"][0, 1, 2] = 0.0999
+    lid = {**WALL, "point": (0, 0, 0.1), "normal": (0, 0, -1)}
+    (found,) = guards.overlap_warnings(dataclasses.replace(gone, scene=pair.replace(walls=[lid])))
+    assert "particle 2 in wall floor" in found
     assert guards.overlap_warnings(output_of(pair.replace(allow=("large_overlap",)), [0.0245])) == []
     wall = two(1.0, 1e-5, wall=True)
     heights = [0.004] * 1000
