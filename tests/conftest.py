@@ -76,7 +76,7 @@ SLOW_ROWS = {
     ),
     r"test_own_repository.py::test_with_several_workers_there_is_one_report\[loadscope": "load",
     r"test_mesh_rules.py::test_liggghts_rule\[faceted sphere\]": "shuffled",
-    r"test_checks_can_fail.py::.*\[(merge angle|curvature|period of|restitution on a plate|moving_walls)": (
+    r"test_checks_can_fail.py::.*\[(merge angle|curvature|period of|restitution on a plate)": (
         "speed of walls, an edge, a rim"
     ),
     r"test_mesh_everything.py::test_full_list_in_a_graph\[(cdt|hooke|no history|frictionless|mixed)": (
