@@ -78,6 +78,10 @@ class Deck:
             (directory / name).write_text(text)
 
 
+#: Triangles near one ball, or balls near one, that the lists of LIGGGHTS hold unless the deck says more.
+TRIANGLES_IN_LIST = 2000
+
+
 def render(scene: Scene, ranks: int = 1) -> Deck:
     """The deck of a scene for a number of MPI ranks.
 
@@ -93,6 +97,8 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "loads": wall_loads.loads(scene), "written": wall_loads.written(scene),
         "primitives": walls.primitives(scene), "changes": walls.changes(scene),
         **_of_meshes(scene, segments[0]),
+        "most_triangles": max((len(mesh.corners) for mesh in scene.meshes), default=0),
+        "triangles_in_list": TRIANGLES_IN_LIST,
         "boundary": " ".join("p" if p else "f" for p in scene.domain.periodic),
         "beyond": removal.beyond(scene), "planes": flow.formulas(scene),
         "checked_every": removal.checked_every(thermo_stride(scene)),

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from comparisons.cases.limits.extreme_scenes import R, on_mesh
 from gpudem.scene import Scene
 from reference.liggghts.deck import data, render
 from reference.liggghts.decomposition import processors
@@ -81,6 +82,14 @@ def test_soft_particles_only_where_needed():
     soft = {"ball": {"young": 1e6, "poisson": 0.3, "density": 1000.0}}
     assert "soft_particles" not in render(two_spheres()).text
     assert "soft_particles  yes" in render(two_spheres(materials=soft)).text
+
+
+def test_lists_hold_all_triangles_of_a_mesh():
+    """Detects a run that LIGGGHTS ends since more than 2000 triangles are near one ball."""
+    fine = on_mesh("fine", "fine", (1.2 * R, 1.2 * R), (40, 40)).scene
+    assert "neigh_modify    one 3200 page 32000\n" in render(fine).text
+    coarse = on_mesh("coarse", "coarse", (1.2 * R, 1.2 * R), (10, 10)).scene
+    assert " one " not in render(coarse).text
 
 
 def test_wall_switches_come_after_primitive():
