@@ -132,5 +132,5 @@ def test_errors_say_what_is_wrong(hard, tmp_path, out, color, message):
 
 
 def test_a_folder_without_a_run(tmp_path):
-    with pytest.raises(GpudemError, match=r"scene\.json: No such file or directory: not the folder of a run"):
+    with pytest.raises(GpudemError, match=r"scene\.json: no such file: not the folder of a run"):
         animate.animate(tmp_path, tmp_path / "film.gif")
