@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -120,6 +122,13 @@ def test_deck():
     ]
     assert starts == ["50", "120", "190", "260"]
     assert "create_box      2 domain" in render(pouring(at_start=False, count=4)).text
+
+
+def test_no_variable_reads_a_column_without_particles():
+    """Detects a deck that ends LIGGGHTS now and then by SIGSEGV: without particles there is no array."""
+    text = render(pouring(at_start=False)).text
+    assert "variable        moment_x atom mass*c_unwrapped_x\n" in text
+    assert not re.search(r"^variable .*\bc_\w+\[", text, re.MULTILINE)
 
 
 def test_what_is_refused():

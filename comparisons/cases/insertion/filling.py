@@ -75,7 +75,7 @@ def compared(results: kit.Results, code: str, other: str) -> dict[str, statistic
     """Metric -> comparison of two codes over the seeds."""
 
     def samples(who: str) -> dict[str, np.ndarray]:
-        found = [scenes.metrics(results[label, who]) for label in results.labels(who, prefix=SEED)]
+        found = [scenes.metrics(results[label, who]) for label in results.labels(code, other, prefix=SEED)]
         return {name: np.array([one[name] for one in found]) for name in found[0]}
 
     return results.once(("compared", code, other), lambda: statistics.compare(samples(code), samples(other)))
