@@ -105,6 +105,6 @@ def _environment() -> jinja2.Environment:
     environment.filters |= {
         "num": number, "short": lambda x: number(x, 2), "quantity": quantity, "duration": duration,
         "code": codes.title, "memory": report_view.memory, "slug": report_view.anchor,
-        "link": link, "named": report_view.named,
+        "link": link, "named": report_view.named, "prose": report_view.prose,
     }  # fmt: skip
     return environment

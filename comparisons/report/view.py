@@ -10,6 +10,8 @@ import math
 import re
 from pathlib import Path
 
+from markupsafe import Markup, escape
+
 from comparisons.harness import attribution, brought, codes
 from comparisons.harness.folder import DECK, Folder, Refused
 from comparisons.harness.numbers import DASH, MINUS, number
@@ -322,6 +324,11 @@ class View:
 def memory(n: float) -> str:
     """Bytes for a reader."""
     return f"{n / 2**30:.2f} GiB" if n >= 2**30 else f"{n / 2**20:.0f} MiB" if n else DASH
+
+
+def prose(text: str) -> Markup:
+    """A text of a case as HTML: names between backticks in the type of code."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
 
 
 def named(text: str) -> str:

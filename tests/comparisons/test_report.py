@@ -119,6 +119,14 @@ def test_names_of_checks_show_codes_as_people_know_them():
     assert shown == "order (LIGGGHTS) of event-driven, gpudem"
 
 
+def test_names_in_texts_are_set_as_code():
+    """Detects backticks on the page, and a text that is taken for HTML on the way."""
+    assert (
+        str(report_view.prose("`epsd` <b> & `run 3`"))
+        == "<code>epsd</code> &lt;b&gt; &amp; <code>run 3</code>"
+    )
+
+
 def test_what_an_expert_looks_for(page):
     for text in (
         "7 of 10 checks hold; 2 fail, 1 could not be evaluated", "How to read this", "What is covered",
