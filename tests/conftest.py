@@ -84,6 +84,7 @@ SLOW_ROWS = {
     ),
     r"test_path_order.py::test_full_list_is_the_half_list\[normal": "oblique impacts",
     r"test_wall_forces.py::test_a_servo_reaches_its_force\[0.5": "a servo without integral",
+    r"test_phases.py::test_two_parts_are_one_run\[(599|601|1249|1250|1700)": "at a change, and between two",
 }
 
 
