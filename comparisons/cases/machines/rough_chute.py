@@ -145,6 +145,7 @@ def _figure(results: kit.Results) -> plots.Figure:
     figure, (flow, force) = plots.figure(1, 2, width=plots.WHOLE, height=3.4)
     for code in results.codes():
         run = chute(results, code)
+        assert run.history is not None
         time, look = run.history["time"].to_numpy(), plots.line_or_marks(code, len(run.history), lw=0.9)
         look["color"] = plots.color(code)
         mass = run.scene.masses[run.scene.held == FREE].sum()
