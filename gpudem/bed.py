@@ -6,7 +6,8 @@ fall of a stated fraction of the mean radius,
     E/n <= fraction m g R,  m and R means over the n particles,
 
 at CHECKS times over a span of HOLD sqrt(2 R/g): twice the time of a fall through the radius, so that the
-turning point of a bounce is not taken for rest. It cannot settle before the last insertion.
+turning point of a bounce is not taken for rest. It cannot settle before the last insertion, nor before the
+last phase has started, whose gravity counts.
 """
 
 from __future__ import annotations
@@ -79,15 +80,15 @@ def make(
         GpudemError: no gravity or no particles to settle.
         SimulationError: a run that cannot go on.
     """
-    pull, state = math.hypot(*scene.gravity), scene.state
+    gravity, state = scene.phase_scenes[-1].gravity, scene.state
+    pull = math.hypot(*gravity)
     if until_settled and pull == 0:
-        raise GpudemError(
-            f"gravity = {scene.gravity}: without gravity nothing settles; run to the end instead"
-        )
+        raise GpudemError(f"gravity = {gravity}: without gravity nothing settles; run to the end instead")
     radius = float(state.radius.mean())
     span = HOLD * math.sqrt(2 * radius / pull) if pull else scene.time.duration
     stride = max(1, round(span / CHECKS / scene.time.step))
-    last = max([0, *(step for step in scene.insertion_steps if step <= scene.n_steps)])
+    changes = [*scene.insertion_steps, *scene.phase_steps]
+    last = max([0, *(step for step in changes if step <= scene.n_steps)])
     low, energy = 0, math.nan
     with Simulation(scene, device, threads) as simulation:
         while simulation.step_count < scene.n_steps:

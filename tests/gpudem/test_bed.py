@@ -39,6 +39,18 @@ def pouring(**changes: Any) -> Scene:
     return Scene(**{**data, **changes})
 
 
+def test_not_before_the_last_phase():
+    """Detects a bed that is taken for settled while it is still to be tilted, or by the gravity before."""
+    early = pouring().insert[:1]
+    tilted = {"start": 0.8, "gravity": (4.0, 0.0, -8.0)}
+    made = bed.make(pouring(insert=early, phases=[tilted]), threads=1)
+    assert made.settled
+    assert 0.85 < made.time < 1.7
+    floating = [{"start": 0.8, "gravity": (0.0, 0.0, 0.0)}]
+    with pytest.raises(GpudemError, match=r"gravity = \(0\.0, 0\.0, 0\.0\): without gravity"):
+        bed.make(pouring(insert=early, phases=floating), threads=1)
+
+
 def test_until_settled(tmp_path):
     """Detects: an end before the last ball has come, at the top of a bounce, or long after all rest."""
     scene = pouring()
