@@ -26,12 +26,12 @@ PLANE, BLOCK, SPHERE, ROUND, AGE = range(5)
 
 
 class Remove(Model):
-    """Particles that leave, looked for at an interval: beyond a plane, in a region, or of an age."""
+    """Removal of particles at regular intervals: beyond a plane, in a region, or of an age."""
 
     name: Name
     """Name of its columns of the history."""
     every: Annotated[float, positive("s")]
-    """Interval at which it is looked for particles that leave [s], rounded to whole steps (at least one)."""
+    """Interval between two checks for particles to remove [s], rounded to whole steps (at least one)."""
     point: Annotated[Vector, vector("m")] | None = None
     """Of a plane [m]: those leave whose center is on the side of its normal."""
     normal: Annotated[Vector, vector("1", nonzero=True)] | None = None
@@ -70,7 +70,7 @@ class Exit:
     size: Vector = (0.0, 0.0, 0.0)
     """-; -; radius; radii of both ends and length [m]."""
     every: int = 0
-    """It is looked for in steps that are multiples of it; 0: at each rebuild (open sides)."""
+    """Checked in steps that are multiples of it; 0: at each rebuild (open sides)."""
     age: int = 0
     """Steps since the insertion."""
 
