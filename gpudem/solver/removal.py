@@ -150,11 +150,13 @@ class Departures:
         self.exit = np.full(len(scene.state), -1, np.int64)
         self._place = np.zeros((len(scene.state) if scene.output.flow else 0, 3))
         """Where each was when it left [m]; kept where flow is counted."""
+        self._count = 0
 
     def record(self, rows: np.ndarray, exits: np.ndarray, step: int, position: np.ndarray) -> None:
         """These particles have left through these exits before the forces of a step."""
         self.step[rows] = step  # mutate: step_of_leaving
         self.exit[rows] = exits
+        self._count += len(rows)
         if len(self._place):
             self._place[rows] = position
 
@@ -167,6 +169,7 @@ class Departures:
         """Take over what `saved` gave."""
         for name, array in self.saved().items():
             array[:] = saved[name]
+        self._count = int((self.exit >= 0).sum())
 
     def places(self) -> tuple[np.ndarray, np.ndarray]:
         """Rows of the scene that have left, and where they were then [m]; where flow is counted."""
@@ -187,7 +190,8 @@ class Departures:
         return found
 
     def __len__(self) -> int:
-        return int((self.exit >= 0).sum())
+        """How many have left: asked for in every step, so counted, not summed."""
+        return self._count
 
     def mean_count(self, steps: int) -> int:
         """How many particles there are on average over the first so many steps of the run."""
