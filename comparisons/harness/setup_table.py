@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
 from comparisons.harness.numbers import number
-from gpudem.scene import Mesh, Plane, Scene
+from gpudem.scene import Mesh, Plane, Scene, WallChange
 from gpudem.scene.time_step import contact_time, rayleigh_time
 from gpudem.scene.walls import Wall
 
@@ -58,6 +59,7 @@ def essentials(scene: Scene) -> dict[tuple[str, str], float | str]:
     for phase in scene.phases:
         changed = ["({:g}, {:g}, {:g})".format(*phase.gravity)] if phase.gravity else []
         changed += [f"{' / '.join(change.materials)}: {change.stated}" for change in phase.pairs]
+        changed += [f"{change.name}: {', '.join(_of_wall(change))}" for change in phase.walls]
         table[f"from {phase.start:g} s on", ""] = ", ".join(changed)
     if scene.groups:
         states = [(g.name, len(g.rows(scene)), "moving" if g.motion else "frozen") for g in scene.groups]
@@ -127,6 +129,18 @@ def _text(value: float | str) -> str:
     if isinstance(value, int):
         return f"{value:,}".replace(",", " ")
     return value if isinstance(value, str) else number(value)
+
+
+def _of_wall(change: WallChange) -> Iterator[str]:
+    """What changes of a wall in a phase, in words."""
+    if change.present is not None:
+        yield "comes" if change.present else "goes"
+    if change.motion is not None:
+        yield ", ".join(motion.type for motion in change.motion) or "stops"
+    if change.surface_velocity is not None:
+        yield "belt ({:g}, {:g}, {:g}) m/s".format(*change.surface_velocity)
+    if change.material is not None:
+        yield change.material
 
 
 def _fate(wall: Wall) -> str:

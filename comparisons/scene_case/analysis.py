@@ -311,7 +311,8 @@ def walls_work(run: Run, part: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[
         how far each wall with a servo is from its place at the start [m], (t, 3), by name; which column is
         missing, or nothing.
     """
-    moving, steps = [wall for wall in run.scene.wall_elements if wall.moves], part["step"]
+    moving = [wall for wall in run.scene.wall_elements if wall.name in run.scene.moving_walls]
+    steps = part["step"]
     work, ways = np.zeros(len(steps)), {}
     if not moving:
         return work, ways, ""
@@ -329,7 +330,7 @@ def walls_work(run: Run, part: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[
 
 def _told(run: Run, steps: np.ndarray) -> np.ndarray:
     """The indices of these steps at which the work of walls is known: all where none moves."""
-    if run.history is None or not any(wall.moves for wall in run.scene.wall_elements):
+    if run.history is None or not run.scene.moving_walls:
         return np.arange(len(steps))
     return np.flatnonzero(np.isin(steps, run.history["step"]))
 

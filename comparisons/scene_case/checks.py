@@ -158,7 +158,7 @@ def each(plan: Plan) -> PerCode:
 
 
 def _energy(plan: Plan, code: str) -> Check:
-    constant, moving = conserved(plan.scene), any(wall.moves for wall in plan.scene.wall_elements)
+    constant, moving = conserved(plan.scene), bool(plan.scene.moving_walls)
 
     def measure(results: Results) -> Measured:
         found = analysis.sanity(results, plan, code)

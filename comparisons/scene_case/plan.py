@@ -84,7 +84,8 @@ def sampled(scene: Scene, times: int, n_steps: int) -> Scene:
     """A scene of so many steps with a trace of at most so many times, a history, and no frames."""
     step = scene.time.step
     stride = max(1, math.ceil(n_steps / max(1, times - 1)))
-    rows, moving = max(1, n_steps // HISTORY_ROWS), [wall.name for wall in scene.wall_elements if wall.moves]
+    rows = max(1, n_steps // HISTORY_ROWS)
+    moving = [wall.name for wall in scene.wall_elements if wall.name in scene.moving_walls]
     if moving:  # their work is read at times of the trace
         rows = stride * math.ceil(rows / stride)
     output = {

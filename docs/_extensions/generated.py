@@ -72,6 +72,7 @@ def scene_page() -> str:
         sections,
         sources,
         wall_kinds,
+        wall_phases,
         walls,
     )
     from gpudem.scene.model import Scene
@@ -97,6 +98,7 @@ def scene_page() -> str:
         "[[groups]]": groups.Group,
         "[[phases]]": phases.Phase,
         "[[phases.pairs]]": phases.PairChange,
+        "[[phases.walls]]": wall_phases.WallChange,
         **{f'[[walls]] with kind = "{kind}"': section for kind, section in wall_kinds.BUILT_IN.items()},
         "Vibration of a plane": walls.Vibration,
         "The turn of a mesh into its place": mesh.Placement,

@@ -127,7 +127,7 @@ class FrameWriter:
         k = [k for k, (start, _, _) in enumerate(self._segments) if start < step or start == 0][-1]
         walls = self._segments[k][2]
         stressed = bool(self.scene.output.wall_stress)
-        each = stressed or any(wall.motion for wall in walls)
+        each = stressed or any(wall.name in self.scene.wall_paths for wall in walls)
         name = f"{FRAMES}/walls_{step:09d}.vtu" if each else f"{FRAMES}/walls_{k}.vtu"
         if walls and name not in self._written:
             import meshio

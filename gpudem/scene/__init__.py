@@ -23,6 +23,7 @@ from gpudem.scene.sections import (
     Time,
 )
 from gpudem.scene.types import Side
+from gpudem.scene.wall_phases import WallChange
 from gpudem.scene.walls import Box, Plane, Vibration, WallContact
 
 __all__ = [
@@ -52,5 +53,6 @@ __all__ = [
     "Solver",
     "Time",
     "Vibration",
+    "WallChange",
     "WallContact",
 ]

@@ -14,7 +14,7 @@ import numpy as np
 from gpudem.contact import registry
 from gpudem.contact.law import AdhesiveLaw, RollingLaw
 from gpudem.errors import GpudemError
-from gpudem.scene import flow, groups, law_parameters, phases, removal, wall_checks
+from gpudem.scene import flow, groups, law_parameters, phases, removal, wall_checks, wall_phases
 from gpudem.scene.overlaps import MAX_START_OVERLAP, find_overlaps, lattice_within
 from gpudem.scene.scene_warnings import rounded_times, unexpected, without_effect
 from gpudem.scene.sections import MAX_PARTICLES
@@ -66,6 +66,7 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
     domain = run_check(_domain, "domain")
     walls = walls and run_check(wall_checks.meshes, "walls")
     walls = walls and domain and run_check(wall_checks.statements, "walls", "domain")
+    walls = walls and (not scene.phases or run_check(wall_phases.problems, "phases", "time", "materials"))
     if walls:
         run_check(removal.problems, "walls", "domain", "time", "insert", "remove")
     if domain:
@@ -139,7 +140,8 @@ def _pair_materials(scene: Scene) -> list[str]:
 def _pairs(scene: Scene) -> list[str]:
     found = []
     ours = scene.particle_materials
-    partners = [*ours, *dict.fromkeys(w.material for w in scene.walls if w.material not in ours)]
+    walls = dict.fromkeys(w.material for at in scene.phase_scenes for w in at.walls)
+    partners = [*ours, *(name for name in walls if name not in ours)]
     for a in ours:
         for b in partners:
             if scene.pair(a, b) is None and (b not in ours or ours.index(a) <= ours.index(b)):
@@ -250,7 +252,8 @@ def _behind_walls(scene: Scene) -> list[str]:
     allowed = 2 if "overlap" in scene.allow else MAX_START_OVERLAP
     for wall in scene.wall_elements:
         there = np.array([scene.is_present(wall, step) for step in (0, *scene.insertion_steps)])
-        there = there[np.searchsorted((0, *scene.insertion_steps), steps)] & ((steps == 0) | (not wall.moves))
+        still = wall.name not in scene.moving_walls
+        there = there[np.searchsorted((0, *scene.insertion_steps), steps)] & (still | (steps == 0))
         if not there.any():
             continue
         overlap = np.where(there, wall.overlap(state.position, state.radius), 0.0)

@@ -26,7 +26,7 @@ def contact_groups(scene: Scene) -> dict[LawNames, list[PairInputs]]:
     """Laws as stated -> the kinds of contacts that have them; the first are those of `[contact]`."""
     usual, ours = stated_laws(scene), set(scene.particle_materials)
     plain, own = set(ours), {}
-    for wall in scene.wall_elements:
+    for wall in (wall for at in scene.phase_scenes for wall in at.walls):
         names = stated_laws(scene, wall)
         if names == usual:
             plain.add(wall.material)

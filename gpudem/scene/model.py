@@ -24,7 +24,18 @@ from gpudem.contact import registry
 from gpudem.contact.law import Law, NormalLaw, PairInputs
 from gpudem.contact.names import LawNames
 from gpudem.errors import SceneError
-from gpudem.scene import checks, files, groups, insertion, laws, overlaps, phases, removal, time_step
+from gpudem.scene import (
+    checks,
+    files,
+    groups,
+    insertion,
+    laws,
+    overlaps,
+    phases,
+    removal,
+    time_step,
+    wall_phases,
+)
 from gpudem.scene.groups import Group
 from gpudem.scene.insertion import Inserted, InsertSection
 from gpudem.scene.mesh import Mesh
@@ -52,7 +63,7 @@ from gpudem.scene.size_classes import default_skin
 from gpudem.scene.types import Model, Name, Vector, vector
 from gpudem.scene.wall_kinds import WallSection
 from gpudem.scene.walls import Box, Plane, Wall
-from gpudem.walls.motion import WallPath
+from gpudem.walls.motion import PhasedPath, WallPath
 
 #: Keys of a wall that a hash leaves out where they have no value: older scenes keep their hash.
 LATER_KEYS = ("present", "contact", "surface_velocity", "motion", "reference")
@@ -109,7 +120,7 @@ class Scene(Model):
     groups: tuple[Group, ...] = ()
     """Particles that contacts do not move."""
     phases: tuple[Phase, ...] = ()
-    """Gravity and contact properties that change during the run."""
+    """Gravity, contact properties and walls that change during the run."""
     gravity: Annotated[Vector, vector("m/s2")] = (0.0, 0.0, 0.0)
     """Acceleration of gravity [m/s2]."""
     walls: tuple[WallSection, ...] = ()
@@ -226,6 +237,9 @@ class Scene(Model):
         data["insert"] = [_hashed(columns, digest) for columns in self._insertion_columns()]
         if not self.insert:
             del data["insert"]
+        data["phases"] = [
+            {k: _hashed(v, digest) for k, v in phase.items() if k != "walls" or v} for phase in data["phases"]
+        ]
         for key in ("phases", "remove"):
             if not data[key]:
                 del data[key]
@@ -235,7 +249,7 @@ class Scene(Model):
             data["motions"] = [
                 _hashed([m.model_dump() for m in group.motion], digest) for group in groups.moving(self)
             ]
-        if not self.meshes:
+        if not self.meshes and not wall_phases.belts_change(self):
             data["contact"] = {k: v for k, v in data["contact"].items() if k not in OF_MESHES}
         arrays = {k: v for k, v in (data["particles"] or {}).items() if isinstance(v, np.ndarray)}
         if isinstance(self.particles, FromFile):
@@ -383,9 +397,12 @@ class Scene(Model):
     @functools.cached_property
     def wall_speeds(self) -> list[float]:
         """An upper bound of the speed of each elementary wall within the domain [m/s]; 0 at rest."""
-        lo, hi = np.array(self.domain.lo), np.array(self.domain.hi)
-        run = self.time.duration
-        return [wall.largest_speed(lo, hi, run) if wall.moves else 0.0 for wall in self.wall_elements]
+        return [wall_phases.largest_speed(self, w) for w in range(len(self.wall_elements))]
+
+    @functools.cached_property
+    def moving_walls(self) -> frozenset[str]:
+        """Names of the elementary walls that move, or whose surface has a velocity, at some time."""
+        return wall_phases.moving(self)
 
     @property
     def walls_at_start(self) -> list[Wall]:
@@ -412,7 +429,7 @@ class Scene(Model):
 
     @functools.cached_property
     def phase_scenes(self) -> tuple[Scene, ...]:
-        """The scene as it is from the start on and in each of its phases: gravity and pairs."""
+        """The scene as it is from the start on and in each of its phases: gravity, pairs and walls."""
         return phases.scenes(self)
 
     @functools.cached_property
@@ -492,7 +509,7 @@ class Scene(Model):
         """Names of the materials of particles, and of those of particles or walls."""
         ours = set(self.particle_materials)
         # mutate: pairs_in_contact
-        partners = ours | {w.material for w in self.walls}
+        partners = ours | {w.material for at in self.phase_scenes for w in at.walls}
         return ours, partners
 
     @functools.cached_property
@@ -512,8 +529,8 @@ class Scene(Model):
             damping=any(names.normal_law.dissipates(p) for names, pairs in groups.items() for p in pairs),
             gravity=any(any(scene.gravity) for scene in self.phase_scenes),
             walls=bool(self.walls),
-            gate=any(w.begin > 0 or w.end is not None for w in self.wall_elements),
-            vibration=any(w.moves for w in self.wall_elements),
+            gate=any(len(steps) > 1 or steps[0] > 0 for steps in self._presence.values()),
+            vibration=bool(self.moving_walls),
             periodic=any(self.domain.periodic),
             several_materials=len(self.particle_materials) > 1,
             several_radii=bool(np.ptp(state.radius) > 0),
@@ -560,16 +577,34 @@ class Scene(Model):
     @functools.cached_property
     def changes(self) -> list[int]:
         """Steps after the start at which a wall comes or goes, or a phase starts, ascending."""
-        times = [t for w in self.wall_elements for t in (w.begin, w.end) if t is not None]
-        return sorted({*(self.steps(t) for t in times), *self.phase_steps} - {0})
+        walls = {step for steps in self._presence.values() for step in steps}
+        return sorted({*walls, *self.phase_steps} - {0})
 
     @functools.cached_property
-    def wall_paths(self) -> dict[str, WallPath]:
-        """Where motions take the elementary walls that have them, by name; with LIGGGHTS' rule, its sums."""
-        sums = self.contact.mesh_contacts == "liggghts"
-        return {w.name: WallPath(w.motion, self.time.step, sums) for w in self.wall_elements if w.motion}
+    def wall_paths(self) -> dict[str, WallPath | PhasedPath]:
+        """Where motions take the elementary walls that have some, by name; with LIGGGHTS' rule, its sums."""
+        return self.paths_of_walls(self.contact.mesh_contacts == "liggghts")
+
+    def paths_of_walls(self, sums: bool) -> dict[str, WallPath | PhasedPath]:
+        """As `wall_paths`, with the sums of LIGGGHTS or without."""
+        return {
+            name: PhasedPath.of(parts, self.time.step, sums)
+            for name, parts in wall_phases.motions(self).items()
+        }
+
+    @functools.cached_property
+    def _presence(self) -> dict[str, list[int]]:
+        return wall_phases.presence(self)
 
     def is_present(self, wall: Wall, step: int) -> bool:
         """Whether a wall is there in the steps after this one."""
-        ends = wall.end is not None and self.steps(wall.end) <= step  # mutate: end_of_presence
-        return self.steps(wall.begin) <= step and not ends
+        changes = sum(change <= step for change in self._presence[wall.name])  # mutate: end_of_presence
+        return changes % 2 == 1
+
+    def comings(self, wall: Wall) -> list[int]:
+        """The steps after the start at which a wall comes, ascending."""
+        return [step for step in self._presence[wall.name][::2] if step > 0]
+
+    def goes(self, wall: Wall) -> bool:
+        """Whether a wall goes during the run."""
+        return len(self._presence[wall.name]) > 1

@@ -14,6 +14,7 @@ from pydantic import ConfigDict, model_validator
 
 from gpudem.scene.sections import Pair
 from gpudem.scene.types import Model, Name, Vector, number, positive, vector
+from gpudem.scene.wall_phases import WallChange, changed
 
 if TYPE_CHECKING:
     from gpudem.scene.model import Scene
@@ -69,16 +70,19 @@ class Phase(Model):
     """Acceleration of gravity from then on [m/s2]."""
     pairs: tuple[PairChange, ...] = ()
     """Contact properties from then on."""
+    walls: tuple[WallChange, ...] = ()
+    """Presence, motion, belt and material of walls from then on."""
 
     @model_validator(mode="after")
     def _changes(self) -> Phase:
-        if self.gravity is None and not self.pairs:
-            raise ValueError("gravity: missing; a phase states gravity or pairs")
+        if self.gravity is None and not self.pairs and not self.walls:
+            raise ValueError("gravity: missing; a phase states gravity, pairs or walls")
         return self
 
 
 def scenes(scene: Scene) -> tuple[Scene, ...]:
-    """The scene from the start on and in each phase, without phases of its own, for its gravity and pairs.
+    """The scene from the start on and in each phase, without phases of its own: for its gravity and pairs,
+    and for motion, belt and material of its walls, whose places stay those at the start.
 
     Raises KeyError: no such pair.
     """
@@ -90,7 +94,8 @@ def scenes(scene: Scene) -> tuple[Scene, ...]:
             key = frozenset(change.materials)
             pairs[key] = change.of(pairs[key])  # mutate: pairs_of_phase
         gravity = before.gravity if phase.gravity is None else phase.gravity
-        found.append(before.model_copy(update={"gravity": gravity, "pairs": tuple(pairs.values())}))
+        update = {"gravity": gravity, "pairs": tuple(pairs.values()), "walls": changed(before.walls, phase)}
+        found.append(before.model_copy(update=update))
     return tuple(found)
 
 

@@ -62,17 +62,20 @@ Surface: TypeAlias = Wall | Placed
 
 
 def walls_at(scene: Scene, time: float, servo_ways: Mapping[str, np.ndarray] | None = None) -> list[Surface]:
-    """Elementary walls present at a time [s], where they are then.
+    """Elementary walls present at a time [s], where they are then, of the material that they have then.
 
     Left out: planes that move by `vibration`, and walls with a servo of which `servo_ways` does not say how
     far they are from their place at the start [m], (3,).
     """
     step = round(time / scene.time.step)
     found: list[Surface] = []
-    for wall in scene.wall_elements:
-        if wall.begin > time or (wall.end is not None and time >= wall.end) or wall.speed > 0:
+    materials = [wall.material for wall in scene.phase_after(step - 1).wall_elements]
+    for stated, material in zip(scene.wall_elements, materials, strict=True):
+        same = stated.material == material
+        wall = stated if same else stated.model_copy(update={"material": material})
+        if not scene.is_present(wall, step) or wall.speed > 0:
             continue
-        if not wall.motion:
+        if wall.name not in scene.wall_paths:
             found.append(wall)
         elif wall.name in (servo_ways or {}):
             found.append(Placed(wall, np.eye(3), (servo_ways or {})[wall.name]))

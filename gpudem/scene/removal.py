@@ -141,7 +141,8 @@ def problems(scene: Scene) -> list[str]:
             normal = [0.0, 0.0, 0.0]
             normal[axis] = 1.0 if low else -1.0
             beside = (place - plane.point[axis]) * normal[axis] <= 0
-            if list(plane.normal) == normal and beside and plane.end is None and not plane.moves:
+            stays = not scene.goes(plane) and plane.name not in scene.moving_walls
+            if list(plane.normal) == normal and beside and stays:
                 found.append(f"{key}: wall {plane.name} stands there to the end; nothing can leave")
     return found
 

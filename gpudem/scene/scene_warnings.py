@@ -14,6 +14,7 @@ import numpy as np
 from gpudem.contact import registry
 from gpudem.contact.law import Slot, TangentialLaw
 from gpudem.contact.names import LawNames
+from gpudem.scene import wall_phases
 from gpudem.scene.laws import stated_laws
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.mesh_repair import oddities
@@ -50,7 +51,8 @@ def without_effect(scene: Scene) -> list[str]:
 
 
 def _materials(scene: Scene) -> Iterator[str]:
-    used = {*scene.particle_materials, *(wall.material for wall in scene.walls)}
+    walls = (wall for at in scene.phase_scenes for wall in at.walls)
+    used = {*scene.particle_materials, *(wall.material for wall in walls)}
     for name in scene.materials:
         if name not in used:
             yield f"materials.{name}: no effect, nor have its pairs: no particle and no wall is made of it"
@@ -197,16 +199,18 @@ def _walls(scene: Scene) -> Iterator[str]:
     contact, smallest = scene.contact, float(scene.state.radius.min())
     for key in OF_MESHES:
         stated, rule = getattr(contact, key), RULE_OF.get(key, contact.mesh_contacts)
-        if stated != type(contact).model_fields[key].default and not scene.meshes:
+        belts = key == "mesh_contacts" and wall_phases.belts_change(scene)
+        if stated != type(contact).model_fields[key].default and not (scene.meshes or belts):
             yield f"contact.{key} = {stated!r}: no effect, no wall is a mesh"
         elif stated != type(contact).model_fields[key].default and rule != contact.mesh_contacts:
             yield f"contact.{key} = {stated!r}: no effect with mesh_contacts = {contact.mesh_contacts!r}"
-    for wall in scene.walls:
+    for wall in (wall for at in scene.phase_scenes for wall in at.walls):
         if wall.surface_velocity is not None and not scene.needs.tangential:
             yield f"walls: {wall.name}.surface_velocity: no effect, no pair has friction"
         if isinstance(wall, Plane) and wall.surface_velocity is not None:
             if not np.cross(wall.surface_velocity, wall.normal).any():
                 yield f"walls: {wall.name}.surface_velocity: no effect, it is along the normal"
+    for wall in scene.walls:
         if isinstance(wall, Cylinder) and wall.radius < smallest:
             yield (
                 f"walls: {wall.name}.radius = {wall.radius:g} m: below that of the smallest particle,"

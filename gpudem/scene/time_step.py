@@ -62,7 +62,8 @@ def _contact_pairs(scene: Scene) -> Iterator[tuple[NormalLaw, PairInputs, float,
     the largest overlap at the start, relative to the smaller radius, drives the two apart.
     """
     speed, state, usual = top_speed(scene), scene.state, scene.normal_law
-    walls = sorted({(w.material, laws.stated_laws(scene, w).normal) for w in scene.wall_elements})
+    stated = [w for at in scene.phase_scenes for w in at.walls]
+    walls = sorted({(w.material, laws.stated_laws(scene, w).normal) for w in stated})
     deepest = 2.0 if {"overlap", "large_overlap"} & set(scene.allow) else MAX_START_OVERLAP
     smallest = {
         name: float(state.radius[state.material == scene.material_index[name]].min())

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gpudem.scene import wall_phases
 from gpudem.scene.files import nearest
 from gpudem.scene.mesh_repair import MAX_TRIANGLES
 from gpudem.scene.motion import Servo, Translation, Turn
@@ -108,11 +109,15 @@ def reachable(scene: Scene) -> list[str]:
     """
     lo, hi = np.array(scene.domain.lo), np.array(scene.domain.hi)
     found, rounding = [], 1e-9 * float(np.linalg.norm(hi - lo))
+    moving = wall_phases.with_motion(scene)
     for plane in scene.planes:
         normal, point = np.array(plane.normal), np.array(plane.point)
         nearest = np.where(normal > 0, lo, hi)  # the corner of the domain deepest behind the wall
-        _outside(found, plane, float((nearest - point) @ normal), rounding)
+        if plane.name not in moving:
+            _outside(found, plane, float((nearest - point) @ normal), rounding)
     for wall in scene.wall_elements:
+        if wall.name in moving:
+            continue
         bounds = wall.bounds()
         if bounds is not None:
             apart = np.maximum(bounds[0] - hi, lo - bounds[1])
@@ -125,7 +130,7 @@ def reachable(scene: Scene) -> list[str]:
 
 
 def _outside(found: list[str], wall: Wall, gap: float, rounding: float) -> None:
-    if gap > rounding and not wall.motion:
+    if gap > rounding:
         hint = " (a file in millimetres needs scale = 0.001)" if wall.kind == "mesh" else ""
         found.append(
             f"walls: {wall.name} lies {gap:.3g} m outside the domain; no particle can reach it{hint}"
@@ -164,15 +169,16 @@ def across_periodic_sides(scene: Scene, contact_range: float) -> list[str]:
 def motions(scene: Scene) -> list[str]:
     """Walls that move too fast or too often for the time step, or that a periodic side does not allow."""
     found, step, radius = [], scene.time.step, float(scene.state.radius.min())
+    parts = wall_phases.motions(scene)
     for wall, speed in zip(scene.wall_elements, scene.wall_speeds, strict=True):
         key = f"walls: {wall.name}.motion"
-        if not wall.motion:
+        if wall.name not in parts:
             continue
         if speed * step >= radius and "speed" not in scene.allow:
             found.append(f"{key}: moves up to {speed:.3g} m/s within the domain, {speed * step:.3g} m in a"
                          f" step; allowed: < the smallest radius, {radius:g} m;"
                          " waive with allow = ['speed']")  # fmt: skip
-        for motion in wall.motion:
+        for motion in (motion for _, motions in parts[wall.name] for motion in motions):
             cycle = math.inf if motion.cycle is None else motion.cycle
             if cycle < MIN_PERIOD * step and "time_step" not in scene.allow:
                 found.append(f"{key}.period = {cycle:g} s: is {cycle / step:.3g} time steps;"

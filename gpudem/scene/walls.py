@@ -158,13 +158,16 @@ class Wall(Model):
         way = marks - before
         return np.sqrt(np.einsum("kpd,kpd->kp", way, way).max(axis=1))
 
-    def largest_speed(self, lo: np.ndarray, hi: np.ndarray, duration: float) -> float:
+    def largest_speed(
+        self, lo: np.ndarray, hi: np.ndarray, duration: float, points: np.ndarray | None = None
+    ) -> float:
         """An upper bound of the speed of its surface within a domain lo..hi [m], in a run of a duration [s].
 
-        Of its motions together, and of its belt.
+        Of its motions together, and of its belt. points: its `reach_points` where the motions begin [m].
         """
         belt = float(np.linalg.norm(self.surface_velocity)) if self.surface_velocity else 0.0
-        moving = largest_speed(self.motion, self.reach_points(), box_corners(lo, hi), duration)
+        points = self.reach_points() if points is None else points
+        moving = largest_speed(self.motion, points, box_corners(lo, hi), duration)
         return self.speed + moving + belt  # mutate: largest_wall_speed
 
     @property

@@ -37,11 +37,12 @@ OVERLAP_ADVICE = (
 SPEED_ADVICE = "it would pass through others: a shorter time step; waive with allow = ['speed']"
 
 
-def wall_advice(wall: Wall) -> str:
+def wall_advice(scene: Scene, wall: Wall) -> str:
     """What to do about a particle deep in a wall."""
-    if wall.begin == 0:
+    times = [f"{step * scene.time.step:g}" for step in scene.comings(wall)]
+    if not times:
         return OVERLAP_ADVICE
-    comes = f"the wall came where the particle was (it is there from t = {wall.begin:g} s on), or"
+    comes = f"the wall came where the particle was (it is there from t = {', '.join(times)} s on), or"
     return f"{comes} {OVERLAP_ADVICE}"
 
 
@@ -85,7 +86,7 @@ def energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]
     adhesion, whose energy is not in the history, or with open sides, through which energy leaves, are left
     out.
     """
-    driven = scene.needs.vibration or any(wall.begin > 0 for wall in scene.wall_elements)
+    driven = scene.needs.vibration or any(scene.comings(wall) for wall in scene.wall_elements)
     driven = driven or scene.phases or any(group.motion for group in scene.groups)
     attracted = scene.needs.cohesion or scene.contact_range > 0
     closed = scene.needs.damping and not (driven or attracted or scene.exits) and "overlap" not in scene.allow

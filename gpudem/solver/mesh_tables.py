@@ -75,7 +75,7 @@ class MeshTables:
         allowed = longest_triangle(self.scene)
         for w, triangles in meshes.items():
             length = np.ptp(triangles, axis=1)
-            if self.scene.wall_elements[w].motion:  # which may turn any side along any axis
+            if self.scene.wall_elements[w].name in self.scene.wall_paths:  # a turn may lay any side along it
                 length = np.broadcast_to(np.linalg.norm(length, axis=1)[:, None], length.shape)
             if (length > allowed).any():
                 k, axis = np.unravel_index(int(np.argmax(length / allowed)), length.shape)

@@ -362,5 +362,5 @@ class NeighborList:
         }[code]
         advice = {TOO_FAST: guards.SPEED_ADVICE, TOO_DEEP: guards.OVERLAP_ADVICE}.get(code, "")
         if code == DEEP_IN_WALL:
-            advice = guards.wall_advice(scene.wall_elements[other])
+            advice = guards.wall_advice(scene, scene.wall_elements[other])
         raise SimulationError(f"particle {particle + 1} {what} at {self.when()}{'; ' * bool(advice)}{advice}")

@@ -22,7 +22,7 @@ from gpudem.contact.names import LawNames
 from gpudem.errors import SimulationError
 from gpudem.output.view import WallLoad
 from gpudem.output.vtu import Frame
-from gpudem.scene import Scene
+from gpudem.scene import Scene, wall_phases
 from gpudem.scene.removal import search_box
 from gpudem.scene.walls import Wall
 from gpudem.solver import guards
@@ -105,7 +105,7 @@ class Solver:
         self._rebuilds_seen = 0
         self.walls: Any = None
         self._walls_at = 0
-        self._meshes_present: list[str] = []
+        self._present: set[str] = set()
         self.compile_s = self._compile()
         if self.spec.half_list:
             require_serial_launches()
@@ -156,7 +156,7 @@ class Solver:
             return wp.array(entries(partners), dtype=laws_struct(self.spec).vars["pair"].type, device=device)
 
         ours, walls = [(name, usual) for name in scene.particle_materials], []
-        for wall in scene.wall_elements:
+        for wall in self._phase.wall_elements:
             names = own.get(wall.name, usual)  # mutate: laws_of_wall_coefficients
             walls.append((wall.material, names))
         laws.pair = entries(ours[:1])[0]
@@ -199,11 +199,11 @@ class Solver:
             bodies: Any = self.state.now.numpy()
             self._choose_order(bodies["position"][: self.state.present])
             self.pool.partition(self.params.block)  # mutate: slices_of_new_blocks
-        before = self._meshes_present
+        before, phase = self._present, self._phase
         self._set_walls(walls)
-        if self.step_count > 0 and self.spec.meshes == "liggghts" and self._meshes_present != before:
-            self._forget_triangles()  # mutate: springs_of_other_meshes
-        self._move_walls(self.step_count)
+        if self.step_count > 0 and self.scene.contact.mesh_contacts == "liggghts":
+            self._forget_restated(before, phase)
+        self._move_walls(self.step_count, in_set_up=True)
         self._rebuild()
         self._launch(SETUP | (WRITE if write else 0))
         self._needs_rebuild = bool(self._read_rebuild_flags()[1])
@@ -262,8 +262,8 @@ class Solver:
         """Walls that get into contact from now on; all of them by default."""
         self._set_phase()
         here = self.scene.wall_elements if present is None else present
-        self._meshes_present = [wall.name for wall in here if wall in self.scene.meshes]
-        self.walls = wall_table(self.state, self.scene, self.chunk, here)
+        self._present = {wall.name for wall in here}
+        self.walls = wall_table(self.state, self.scene, self.chunk, here, self._phase)
         self._meshes.attach(self.walls)
         self._motion.attach(self.walls, here)
         self._invalidate_launches()
@@ -271,27 +271,41 @@ class Solver:
 
     def _set_phase(self) -> None:
         """Gravity and coefficients of the steps to come; launches are recorded anew after it."""
-        phase = self.scene.phase_after(self.step_count)
+        before, phase = self._phase, self.scene.phase_after(self.step_count)
         self.params.gravity = self.state.types.vec3(*phase.gravity)
-        if phase.pairs != self._phase.pairs:
-            self._phase = phase
+        self._phase, materials = phase, [[wall.material for wall in at.walls] for at in (before, phase)]
+        # mutate: laws_of_other_material
+        if phase.pairs != before.pairs or materials[0] != materials[1]:
             self.laws = self._laws()  # mutate: laws_of_phase
 
-    def _forget_triangles(self) -> None:
-        """LIGGGHTS loses the springs of all meshes where one comes or goes: it states their wall anew."""
+    def _forget_restated(self, before: set[str], phase: Scene) -> None:
+        """LIGGGHTS loses the springs of walls that it states anew: of all meshes where one comes, goes or has
+        another belt, and of another wall whose belt changes.
+
+        Args:
+            before: Names of the walls that were there.
+            phase: The one before.
+        """
+        elements, meshes = self.scene.wall_elements, {mesh.name for mesh in self.scene.meshes}
+        belts = wall_phases.belts_that_change(phase, self._phase) & before & self._present
+        anew = before & meshes != self._present & meshes or bool(belts & meshes)
+        # mutate: springs_of_other_belt
+        lost = [w for w, wall in enumerate(elements) if wall.name in belts - meshes]
+        if not (anew or lost):
+            return
         neighbor = self.state.particles.neighbor
         entries = neighbor.numpy().copy()
-        partner = -entries - 1
-        lost = (entries < 0) & (partner >= self.state.n + self.state.walls)
-        entries[lost] = partner[lost]
+        wall = -entries - 1 - self.state.n
+        gone = (entries < 0) & (np.isin(wall, lost) | (anew & (wall >= self.state.walls)))
+        entries[gone] = -entries[gone] - 1  # mutate: springs_of_other_meshes
         neighbor.assign(entries)
 
-    def _move_walls(self, step: int) -> None:
+    def _move_walls(self, step: int, in_set_up: bool = False) -> None:
         """Puts moving walls and groups where they are in `step`, the next launch's, and in those after it."""
         self._walls_at = step
         self._groups.assign(step)
         if self._motion:
-            self._motion.assign(step)
+            self._motion.assign(step, in_set_up)
             if self._motion.steps_within(step, 1) == 0:
                 self._needs_rebuild = True  # mutate: rebuild_for_walls
         elif self._displaced:
@@ -632,7 +646,8 @@ class Solver:
 
     def _work_of_walls(self) -> np.ndarray:
         """Work on the particles since the start [J], of each wall."""
-        moving = [w for w, wall in enumerate(self.scene.wall_elements) if wall.moves]
+        moves = self.scene.moving_walls
+        moving = [w for w, wall in enumerate(self.scene.wall_elements) if wall.name in moves]
         found = np.zeros(len(self.scene.wall_elements))
         if moving:
             found[moving] = self.state.particles.wall_work.numpy().reshape(len(moving), -1).sum(axis=1)

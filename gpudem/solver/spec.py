@@ -82,7 +82,9 @@ class Spec:
             fast_floors=any(wall.fast_floor for wall in scene.wall_elements),
             wall_forces=bool(scene.output.wall_forces or scene.output.wall_stress or scene.servos),
             servo=bool(scene.servos),
-            turning_walls=any(w.motion or w.surface_velocity for w in scene.wall_elements),
+            turning_walls=any(
+                w.motion or w.surface_velocity for at in scene.phase_scenes for w in at.wall_elements
+            ),
             long_range=scene.contact_range > 0,
             periodic=scene.domain.periodic,
             multi_material=needs.several_materials,

@@ -200,7 +200,7 @@ class State:
         p.wall_start = zeros(n, wp.int32, spec.has_walls)
         p.partial_force = zeros(n, t.vec3, spec.half_list)
         p.partial_torque = zeros(n, t.vec3, spec.half_list and spec.rotation)
-        p.wall_work = zeros(n * sum(w.moves for w in scene.wall_elements), wp.float64, spec.moving_walls)
+        p.wall_work = zeros(n * len(scene.moving_walls), wp.float64, spec.moving_walls)
         p.rebuild_pending = zeros(chunk + 1, wp.int32)
         p.rebuild_requested = zeros(chunk + 1, wp.int32)
         return p

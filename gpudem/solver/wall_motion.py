@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from gpudem.scene import Scene
+from gpudem.scene import Scene, wall_phases
 from gpudem.scene.removal import search_box
 from gpudem.scene.walls import Wall
-from gpudem.walls.motion import BLOCK, ServoPath, WallPath
+from gpudem.walls.motion import BLOCK, PhasedPath, ServoPath, WallPath
 
 #: Tables of a struct `Walls` with a row for each wall in each launch.
 TABLES = ("rotation", "displacement", "velocity", "spin", "center")
@@ -35,10 +35,14 @@ class WallMotion:
         liggghts = bool(scene.meshes) and scene.contact.mesh_contacts == "liggghts"
         self.servos = {w: ServoPath(servo, scene.time.step, liggghts) for w, servo in scene.servos.items()}
         """Of these walls only the next step's place is known."""
-        self.paths: dict[int, WallPath | ServoPath] = {
+        self.paths: dict[int, WallPath | PhasedPath | ServoPath] = {
             w: self.servos.get(w) or scene.wall_paths[wall.name]
-            for w, wall in enumerate(scene.wall_elements) if wall.motion
+            for w, wall in enumerate(scene.wall_elements) if wall.name in scene.wall_paths
         }  # fmt: skip
+        self._turns = {
+            name: [[motion.turns for motion in motions] for _, motions in parts]
+            for name, parts in wall_phases.motions(scene).items()
+        }
         self.list_step: int | None = None
         """The step for whose places the list was made."""
         self._present = set(self.paths)
@@ -73,12 +77,14 @@ class WallMotion:
 
     # -- places --------------------------------------------------------------------------------------------
 
-    def assign(self, step: int) -> None:
-        """Write the places for launches that begin with `step`."""
+    def assign(self, step: int, in_set_up: bool = False) -> None:
+        """Write the places for launches that begin with `step`, which may be a set-up."""
         k = step - self._begin
-        if self.servos or not 0 <= k <= self._rows - self.chunk:
+        if self.servos or in_set_up or not 0 <= k <= self._rows - self.chunk:
             self._begin, k = step, 0
             self._tables_ahead = self._tables(step, self._rows)
+            if in_set_up:
+                self._set_up(step)
         if self._views:
             for name, view in self._views.items():
                 view[:] = self._tables_ahead[name][k : k + self.chunk]
@@ -103,6 +109,14 @@ class WallMotion:
                 found["displacement"][:, w] = [wall.displacement(time) for time in times.tolist()]
                 found["velocity"][:, w] = wall.velocity  # mutate: saw_tooth_beside_motion
         return found
+
+    def _set_up(self, step: int) -> None:
+        """In the first row the velocities with which motions of a phase begin."""
+        for w, path in self.paths.items():
+            if isinstance(path, PhasedPath):
+                pose = path.in_set_up(step)
+                for name in ("velocity", "spin", "center"):  # mutate: velocity_in_set_up_of_phase
+                    self._tables_ahead[name][0, w] = getattr(pose, name)[0]
 
     def carried(self, points: np.ndarray, step: int) -> np.ndarray:
         """Where points that move with the walls, one each, are in a step: shape (m, 3) [m]."""
@@ -142,8 +156,8 @@ class WallMotion:
         0 where a translation carries a turn along, for that bound is for the stated run, which may be
         exceeded; and beside a servo, of which only the next place is known.
         """
-        turns = [motion.turns for motion in self.scene.wall_elements[w].motion]
-        carried = any(turn and not all(turns[:m]) for m, turn in enumerate(turns))
+        parts = self._turns[self.scene.wall_elements[w].name]
+        carried = any(turn and not all(turns[:m]) for turns in parts for m, turn in enumerate(turns))
         way = self.scene.wall_speeds[w] * self.scene.time.step
         if carried or self.servos:
             return 0

@@ -90,8 +90,8 @@ def fast_floor_gap(precision: str) -> Any:
     return gap_now
 
 
-def wall_table(state: State, scene: Scene, chunk: int, present: list[Wall]) -> Any:
-    """The struct `Walls` of a scene; only those `present` get into contact."""
+def wall_table(state: State, scene: Scene, chunk: int, present: list[Wall], phase: Scene) -> Any:
+    """The struct `Walls` of a scene in a phase; only those `present` get into contact."""
     elements, device, t = scene.wall_elements, state.device, state.types
     walls = t.Walls()
     if not elements:
@@ -119,7 +119,7 @@ def wall_table(state: State, scene: Scene, chunk: int, present: list[Wall]) -> A
         walls.displacement = table(np.zeros((m * chunk, 3)), t.wide3)
         velocity = np.array([wall.velocity for wall in elements])
         walls.velocity = table(np.tile(velocity, (chunk if state.spec.turning_walls else 1, 1)), t.wide3)
-        rows = np.cumsum([wall.moves for wall in elements]) - 1
+        rows = np.cumsum([wall.name in scene.moving_walls for wall in elements]) - 1
         walls.work_row = table(np.maximum(rows, 0).astype(np.int32), wp.int32)
         walls.stroke = table([wall.stroke for wall in elements], t.wide)
     if state.spec.fast_floors:
@@ -128,6 +128,6 @@ def wall_table(state: State, scene: Scene, chunk: int, present: list[Wall]) -> A
         walls.rotation = table(np.tile(np.eye(3), (m * chunk, 1, 1)), wp.types.matrix((3, 3), t.wide))
         walls.spin = table(np.zeros((m * chunk, 3)), t.wide3)
         walls.center = table(np.zeros((m * chunk, 3)), t.wide3)
-        belts = [wall.surface_velocity or (0.0, 0.0, 0.0) for wall in elements]
+        belts = [wall.surface_velocity or (0.0, 0.0, 0.0) for wall in phase.wall_elements]
         walls.surface_velocity = table(belts, t.wide3)
     return walls

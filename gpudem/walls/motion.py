@@ -10,6 +10,7 @@ No Warp here: poses are computed on the host in float64, block by block.
 
 from __future__ import annotations
 
+import bisect
 import dataclasses
 import math
 from collections.abc import Sequence
@@ -52,6 +53,11 @@ class Poses:
     def velocity_at(self, q: np.ndarray) -> np.ndarray:
         """Velocity [m/s] of the wall's points at q [m] in space, shape (k, 3)."""
         return self.velocity + np.cross(self.spin, q - self.center)
+
+
+def joined(found: Sequence[Poses]) -> Poses:
+    """Poses one after the other."""
+    return Poses(*(np.concatenate([getattr(p, f.name) for p in found]) for f in dataclasses.fields(Poses)))
 
 
 @dataclasses.dataclass
@@ -98,8 +104,7 @@ class WallPath:
         begin = first - blocks[0] * BLOCK
         if len(found) == 1:
             return found[0].part(begin, begin + count)
-        joined = (np.concatenate([getattr(p, f.name) for p in found]) for f in dataclasses.fields(Poses))
-        return Poses(*joined).part(begin, begin + count)
+        return joined(found).part(begin, begin + count)
 
     def _block(self, b: int) -> Poses:
         if b not in self._blocks:
@@ -227,6 +232,71 @@ class WallPath:
             velocity, spin = velocity + np.cross(own, center - at), spin + own
         assert center is not None
         return velocity, spin, center
+
+
+class PhasedPath:
+    """Poses of a wall whose motions change at stated steps: each begins where the one before has brought it.
+
+    A part is a `WallPath` whose step 0 is its first one. What is at X at the start of the run is, in a part
+    that begins at the pose (R, s), at rotation (R X + s) + shift, with rotation and shift those of the part.
+
+    Args:
+        parts: (first step, motions), steps ascending from 0; no motions: at rest.
+        dt: Time step [s].
+        sums: As in `WallPath`; the velocity is 0 in the set-up of each part too.
+    """
+
+    def __init__(
+        self, parts: Sequence[tuple[int, Sequence[Translation | Turn]]], dt: float, sums: bool = False
+    ):
+        self.starts = [step for step, _ in parts]
+        self.paths = [WallPath(motions, dt, sums) for _, motions in parts]
+        self._begins = [(np.eye(3), np.zeros(3))]
+
+    @staticmethod
+    def of(
+        parts: Sequence[tuple[int, Sequence[Translation | Turn]]], dt: float, sums: bool = False
+    ) -> WallPath | PhasedPath:
+        """The path of these parts: of one part that of its motions."""
+        return WallPath(parts[0][1], dt, sums) if len(parts) == 1 else PhasedPath(parts, dt, sums)
+
+    def at(self, first: int, count: int) -> Poses:
+        """Poses in the steps first .. first + count - 1; in the first of a part those of the one before."""
+        ends = [*(step + 1 for step in self.starts[1:]), first + count]
+        found, begin = [], first
+        for k, end in enumerate(ends):
+            if begin < min(end, first + count):
+                end = min(end, first + count)
+                found.append(self._part(k, begin, end - begin))
+                begin = end
+        if len(found) == 1:
+            return found[0]
+        return joined(found)
+
+    def in_set_up(self, step: int) -> Poses:
+        """The pose in a set-up at this step; in the first one of a part with the velocity of its start."""
+        k = bisect.bisect_right(self.starts, step) - 1
+        return self._part(k, step, 1)
+
+    def _part(self, k: int, first: int, count: int) -> Poses:
+        """Poses in some steps of part k."""
+        poses = self.paths[k].at(first - self.starts[k], count)  # mutate: time_of_part
+        if k == 0:
+            return poses
+        turned, moved = self._begin(k)
+        return dataclasses.replace(
+            poses,
+            rotation=poses.rotation @ turned,
+            shift=poses.rotation @ moved + poses.shift,  # mutate: place_where_part_begins
+        )
+
+    def _begin(self, k: int) -> tuple[np.ndarray, np.ndarray]:
+        """The pose at which part k begins."""
+        while len(self._begins) <= k:
+            last = len(self._begins) - 1
+            pose = self._part(last, self.starts[last + 1], 1)
+            self._begins.append((pose.rotation[0].copy(), pose.shift[0].copy()))
+        return self._begins[k]
 
 
 #: The rotation of a wall that does not turn, shape (1, 3, 3).

@@ -64,19 +64,18 @@ def switches(scene: Scene, wall: Wall | None = None) -> str:
 def properties(scene: Scene, phase: Scene | None = None) -> list[tuple[str, str]]:
     """(name, values) of every `fix property/global` that the contact model reads, at the start or in a phase.
 
-    One atom type per material of the scene, in order of statement, walls' materials included.
+    One value for each of `atom_types`.
     """
-    kinds, phase = len(scene.materials), phase or scene.phase_scenes[0]
+    phase = phase or scene.phase_scenes[0]
+    types = atom_types(scene, phase)
     found: list[tuple[str, str]] = []
 
     def per_type(name: str, value: Callable[..., float]) -> None:
-        found.append((name, f"peratomtype {' '.join(repr(value(m)) for m in scene.materials.values())}"))
+        found.append((name, f"peratomtype {' '.join(repr(value(scene.materials[m])) for m in types)}"))
 
     def per_pair(name: str, value: Callable[[Pair], float], filler: float) -> None:
-        rows = [
-            _pair_value(scene, phase, a, b, value, filler) for a in scene.materials for b in scene.materials
-        ]
-        found.append((name, f"peratomtypepair {kinds} {' '.join(repr(v) for v in rows)}"))
+        rows = [_pair_value(scene, phase, a, b, value, filler) for a in types for b in types]
+        found.append((name, f"peratomtypepair {len(types)} {' '.join(repr(v) for v in rows)}"))
 
     def of_law(law: Law) -> None:
         words = words_of(law)
@@ -100,6 +99,31 @@ def properties(scene: Scene, phase: Scene | None = None) -> list[tuple[str, str]
             if name != registry.OFF:
                 of_law(registry.law(slot, name))
     return list(dict(found).items())  # several laws read the same ones
+
+
+def atom_types(scene: Scene, phase: Scene | None = None) -> list[str]:
+    """The material of each atom type, at the start or in a phase.
+
+    One for each material of the scene, in order of statement, walls' materials included; then one for each
+    wall whose material changes: its type stays, so that it keeps its springs, and has the properties of
+    another material.
+    """
+    walls = (phase or scene.phase_scenes[0]).wall_elements
+    return [*scene.materials, *(walls[w].material for w in _walls_of_own_type(scene))]
+
+
+def atom_type(scene: Scene, wall: Wall) -> int:
+    """The atom type of a wall, from 1."""
+    own = [scene.wall_elements[w].name for w in _walls_of_own_type(scene)]
+    if wall.name in own:
+        return len(scene.materials) + own.index(wall.name) + 1  # mutate: own_atom_type
+    return scene.material_index[wall.material] + 1
+
+
+def _walls_of_own_type(scene: Scene) -> list[int]:
+    """The elementary walls whose material changes."""
+    count = range(len(scene.wall_elements))
+    return [w for w in count if len({at.wall_elements[w].material for at in scene.phase_scenes}) > 1]
 
 
 def pairs_of(scene: Scene, law: Law) -> list[Pair]:

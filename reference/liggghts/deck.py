@@ -18,7 +18,7 @@ from typing import Any
 from gpudem.extras import from_extra
 from gpudem.scene import Scene
 from reference.liggghts import flow, groups, insertion, limits, removal, wall_loads, walls
-from reference.liggghts.contact_model import model, properties, switches
+from reference.liggghts.contact_model import atom_types, model, properties, switches
 from reference.liggghts.decomposition import processors
 
 with from_extra():
@@ -110,6 +110,7 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "trace_stride": scene.stride(scene.output.trace_every),
         "data_file": DATA if scene.start_count else None, "raw": RAW, "trace_file": TRACE,
         "box": [side for sides in removal.box(scene) for side in sides],
+        "kinds": len(atom_types(scene)),
         "inserted_kinds": insertion.kinds(scene), "inserted": insertion.balls(scene),
         "insertion_seeds": insertion.SEEDS,
         "groups": groups.groups(scene), "group_loads": groups.loads(scene),
@@ -208,7 +209,7 @@ def data(scene: Scene) -> str:
     """The read_data file: box, `id type diameter density x y z`, `id vx vy vz wx wy wz`; SI units."""
     s = scene.particles_at_start
     density = [scene.materials[name].density for name in scene.material_index]
-    lines = ["gpudem particles", "", f"{len(s)} atoms", f"{len(scene.materials)} atom types", ""]
+    lines = ["gpudem particles", "", f"{len(s)} atoms", f"{len(atom_types(scene))} atom types", ""]
     lines += [
         f"{lo:.17g} {hi:.17g} {a}lo {a}hi" for (lo, hi), a in zip(removal.box(scene), "xyz", strict=True)
     ]

@@ -23,7 +23,7 @@ def processors(scene: Scene, ranks: int) -> tuple[int, int, int]:
     particles at the start, and of equal ones the smallest cut area. Where everything is excluded, all cuts
     compete.
     """
-    gated = {k for wall in scene.wall_elements if wall.end is not None for k in _thin(wall)}
+    gated = {k for wall in scene.wall_elements if scene.goes(wall) for k in _thin(wall)}
     falling = {k for k in range(3) if any(phase.gravity[k] != 0 for phase in scene.phase_scenes)}
     counts = range(1, ranks + 1)
     grids = [g for g in itertools.product(counts, counts, counts) if math.prod(g) == ranks]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 from gpudem.scene import Pair, Plane, Scene
 from gpudem.scene.laws import acting
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.motion import Servo
+from gpudem.scene.wall_phases import belts_that_change
 from gpudem.scene.walls import Wall
 from reference.liggghts import flow, groups, removal, wall_loads
 from reference.liggghts.contact_model import laws_of, pairs_of
@@ -46,7 +48,7 @@ def warnings(scene: Scene) -> list[str]:
     if scene.meshes and not same_meshes(scene) and scene.output.history_every is not None:
         found.append(
             "history column 'contacts' is left out: LIGGGHTS cannot count contacts with meshes that come"
-            " or go"
+            " or go, or whose belt changes"
         )
     for w, servo in scene.servos.items():
         if servo.ki > 0 and scene.contact.mesh_contacts != "liggghts":
@@ -55,6 +57,8 @@ def warnings(scene: Scene) -> list[str]:
                 " at its limit LIGGGHTS resets the integral so that the wall goes the other way;"
                 " mesh_contacts = 'liggghts' has gpudem follow it"
             )
+    if scene.contact.mesh_contacts != "liggghts":
+        found += _lost_springs(scene)
     found += [*wall_loads.warnings(scene), *removal.warnings(scene), *flow.warnings(scene)]
     contact = scene.contact
     at_setup = scene.needs.history and contact.tangential_damping and not contact.frictionless_dashpot
@@ -70,6 +74,16 @@ def warnings(scene: Scene) -> list[str]:
     return found
 
 
+def _lost_springs(scene: Scene) -> Iterator[str]:
+    """A wall with another belt is stated anew, and loses its springs."""
+    for k, (before, after) in enumerate(itertools.pairwise(scene.phase_scenes)):
+        for name in sorted(belts_that_change(before, after)):
+            yield (
+                f"phases[{k}].walls: {name}.surface_velocity: LIGGGHTS states the wall anew, and its contacts"
+                " lose their springs; mesh_contacts = 'liggghts' has gpudem follow it"
+            )
+
+
 def check(scene: Scene, ranks: int = 1) -> None:
     """Raises LiggghtsCannotState listing every item of the scene that LIGGGHTS cannot state."""
     found = [
@@ -79,7 +93,7 @@ def check(scene: Scene, ranks: int = 1) -> None:
         *removal.problems(scene),
         *_groups(scene),
     ]
-    for wall in scene.wall_elements:
+    for wall in (wall for at in scene.phase_scenes for wall in at.wall_elements):
         if isinstance(wall, Plane):
             found += [f"walls.{wall.name}{problem}" for problem in _plane(wall)]
         elif isinstance(wall, Mesh):
@@ -90,7 +104,8 @@ def check(scene: Scene, ranks: int = 1) -> None:
             found.append(
                 f"walls.{wall.name}.kind = {wall.kind!r}: LIGGGHTS gets planes, endless cylinders and meshes"
             )
-    found += _laws_of_meshes(scene)
+    found += [*_belts_of_meshes(scene), *_laws_of_meshes(scene)]
+    found = list(dict.fromkeys(found))
     if found:
         raise LiggghtsCannotState(
             "\n".join(["LIGGGHTS cannot state this scene:", *(f"  - {f}" for f in found)])
@@ -196,6 +211,19 @@ def _mesh(scene: Scene, mesh: Mesh) -> Iterator[str]:
             )
         if not isinstance(motion, MOTIONS):
             yield f".motion[{k}].type = {motion.type!r}: LIGGGHTS has no such motion"
+
+
+def _belts_of_meshes(scene: Scene) -> Iterator[str]:
+    """A mesh with another belt is read anew from its file."""
+    for before, after in itertools.pairwise(scene.phase_scenes):
+        for mesh in scene.meshes:
+            if mesh.name not in belts_that_change(before, after):
+                continue
+            key = f"walls.{mesh.name}.surface_velocity"
+            if mesh.name in scene.wall_paths:
+                yield f"{key}: changes in a phase: LIGGGHTS states the mesh anew, at its place at the start"
+            if mesh.name in scene.output.wall_stress:
+                yield f"{key}: changes in a phase: LIGGGHTS states no mesh anew whose stress is written"
 
 
 def _laws_of_meshes(scene: Scene) -> Iterator[str]:

@@ -9,6 +9,7 @@ with a line a step. What cannot be had is left out and said.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +19,12 @@ from gpudem.output import observables
 from gpudem.scene import Scene
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.motion import Servo
+from gpudem.scene.wall_phases import belts_that_change, motions
 from gpudem.scene.walls import Wall
-from gpudem.walls.motion import WallPath
 from reference.liggghts import groups
 from reference.liggghts.contact_model import laws_of
 from reference.liggghts.errors import LiggghtsOutputError
-from reference.liggghts.walls import foot, number
+from reference.liggghts.walls import foot, number, path
 
 #: A belt lies in a face if this share of its velocity, or less, is across it.
 IN_FACE = 1e-12
@@ -71,7 +72,7 @@ def warnings(scene: Scene) -> list[str]:
         if not _readable(scene, wall):
             found.append(
                 f"{loads} are left out: LIGGGHTS tells the force only on planes and cylinders that are there"
-                " all the time; state it as a mesh"
+                " all the time, and on walls whose belt does not change"
             )
             continue
         if isinstance(wall, Mesh):
@@ -86,7 +87,7 @@ def warnings(scene: Scene) -> list[str]:
                 " particles in at list rebuilds only"
             )
         if not _has_work(scene, wall):
-            found.append(f"history column work_{wall.name} is left out: {_why_no_work(wall)}")
+            found.append(f"history column work_{wall.name} is left out: {_why_no_work(scene, wall)}")
     return found
 
 
@@ -105,21 +106,27 @@ def _wanted(scene: Scene) -> list[Wall]:
 
 
 def _readable(scene: Scene, wall: Wall) -> bool:
-    """A mesh, which stays known where it is not there; a primitive that is there in every run."""
-    return isinstance(wall, Mesh) or all(wall in present for _, _, present in scene.segments)
+    """A wall stated once: no belt that changes; a mesh, which stays known where it is not there, or a
+    primitive that is there in every run.
+    """
+    here = all(wall in present for _, _, present in scene.segments)
+    pairs = itertools.pairwise(scene.phase_scenes)
+    same_belt = not any(wall.name in belts_that_change(*pair) for pair in pairs)
+    return same_belt and (isinstance(wall, Mesh) or here)
 
 
 def _rolls(scene: Scene, wall: Wall) -> bool:
     return laws_of(scene, wall).rolling != registry.OFF
 
 
-def _turns(wall: Wall) -> bool:
-    return any(motion.turns for motion in wall.motion)
+def _turns(scene: Scene, wall: Wall) -> bool:
+    parts = motions(scene).get(wall.name, [])
+    return any(motion.turns for _, stated in parts for motion in stated)
 
 
 def _has_work(scene: Scene, wall: Wall) -> bool:
     """Whether the work follows from force and torque on the wall."""
-    if _turns(wall):
+    if _turns(scene, wall):
         return not _rolls(scene, wall)
     if isinstance(wall, Mesh) and wall.surface_velocity is not None:
         belt, edges = np.array(wall.surface_velocity), np.diff(wall.corners, axis=1)
@@ -129,8 +136,8 @@ def _has_work(scene: Scene, wall: Wall) -> bool:
     return True
 
 
-def _why_no_work(wall: Wall) -> str:
-    if _turns(wall):
+def _why_no_work(scene: Scene, wall: Wall) -> str:
+    if _turns(scene, wall):
         return "the wall turns, and LIGGGHTS' torque has no rolling resistance"
     return "the belt has another direction on each face"
 
@@ -174,7 +181,8 @@ def written(scene: Scene) -> list[Written]:
     found = []
     for wall in scene.wall_elements:
         servo = any(isinstance(motion, Servo) for motion in wall.motion)
-        worked = wall in _wanted(scene) and wall.moves and _readable(scene, wall) and _has_work(scene, wall)
+        worked = wall in _wanted(scene) and _readable(scene, wall) and _has_work(scene, wall)
+        worked = worked and wall.name in scene.moving_walls
         if servo or worked:
             ways = [
                 f"f_mesh_{wall.name}[{k}]-({number(x)})" for k, x in enumerate(wall.torque_point, 7) if servo
@@ -251,7 +259,7 @@ def history(scene: Scene, folder: Path, thermo: dict[str, np.ndarray]) -> dict[s
 def _work(scene: Scene, wall: Wall, folder: Path) -> np.ndarray:
     """Work of the wall on the particles since the start in every step [J], shape (steps + 1,)."""
     dt, count = scene.time.step, scene.n_steps + 1
-    if not wall.moves or not _has_work(scene, wall):
+    if wall.name not in scene.moving_walls or not _has_work(scene, wall):
         return np.zeros(count)
     lines = _lines(scene, folder, wall.name)
     force, torque = _load(wall).sign * lines[:, :3], _load(wall).sign * lines[:, 3:6]
@@ -261,7 +269,7 @@ def _work(scene: Scene, wall: Wall, folder: Path) -> np.ndarray:
     elif lines.shape[1] > 6:
         power[1:] = np.sum(force[1:] * np.diff(lines[:, 6:], axis=0) / dt, axis=1)
     else:
-        poses = WallPath(wall.motion, dt, sums=True).at(0, count)
+        poses = path(scene, wall.name).at(0, count)
         point = poses.rotation @ np.array(wall.torque_point) + poses.shift
         power = np.sum(force * poses.velocity_at(point), axis=1) + np.sum(torque * poses.spin, axis=1)
     return -np.cumsum(power) * dt  # mutate: work_of_load

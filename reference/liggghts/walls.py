@@ -25,8 +25,10 @@ from gpudem.scene.motion import (
     Turn,
     TurnTable,
 )
+from gpudem.scene.wall_phases import belts_that_change
 from gpudem.scene.walls import Wall
-from reference.liggghts.contact_model import model, switches
+from gpudem.walls.motion import PhasedPath, WallPath
+from reference.liggghts.contact_model import atom_type, model, switches
 
 #: Added to a square of a distance [m2], for a division by zero ends the run.
 AXIS = "1e-300"
@@ -73,15 +75,21 @@ class Change:
     """What happens to the walls between two runs, in this order."""
 
     removed: tuple[str, ...]
-    """Names of primitives that go."""
+    """Names of primitives that go, or are stated anew."""
     of_meshes: bool
     """The wall of meshes goes, to be stated anew with those that are there then."""
     meshes_before: tuple[str, ...]
     """Names of the meshes that were there."""
+    stopped: tuple[str, ...]
+    """Names of the motions of meshes that end."""
+    anew: tuple[MeshWords, ...]
+    """Meshes with another belt."""
+    started: tuple[MeshWords, ...]
+    """Meshes with other motions."""
     meshes: tuple[str, ...]
     """Names of those that are there from now on."""
-    added: tuple[str, ...]
-    """Names of primitives that come."""
+    added: tuple[Primitive, ...]
+    """Primitives that come, or are stated anew."""
 
 
 def number(value: float) -> str:
@@ -99,15 +107,15 @@ def mesh_file(name: str) -> str:
     return f"mesh_{name}.stl"
 
 
-def primitives(scene: Scene) -> dict[str, Primitive]:
-    """Every wall that is no mesh, by name."""
+def primitives(scene: Scene, phase: Scene | None = None) -> dict[str, Primitive]:
+    """Every wall that is no mesh, by name, as it is at the start or in a phase."""
     return {
         wall.name: Primitive(
-            wall.name, scene.material_index[wall.material] + 1, *_shape(wall),
+            wall.name, atom_type(scene, wall), *_shape(wall),
             " store_force yes" if wall.name in scene.output.wall_forces else "",
             model(scene, wall), switches(scene, wall),
         )
-        for wall in scene.wall_elements
+        for wall in (phase or scene).wall_elements
         if not isinstance(wall, Mesh)
     }  # fmt: skip
 
@@ -166,20 +174,18 @@ def axis_of(direction: tuple[float, ...]) -> int:
     return next(k for k in range(3) if direction[k] != 0)
 
 
-def meshes(scene: Scene) -> list[MeshWords]:
-    """Every mesh in order of statement."""
-    found = []
-    for mesh in scene.meshes:
+def meshes(scene: Scene, phase: int = 0) -> list[MeshWords]:
+    """Every mesh in order of statement, as it is at the start (0) or in a phase, counted from 1."""
+    found, start = [], [0, *scene.phase_steps][phase]
+    for place, mesh in zip(scene.meshes, scene.phase_scenes[phase].meshes, strict=True):
         variables: list[tuple[str, str]] = []
         servo = next((m for m in mesh.motion if isinstance(m, Servo)), None)
         moves = range(0 if servo else len(mesh.motion))
-        motions = [_motion(scene, mesh, k, variables) for k in moves]
+        motions = [_motion(scene, mesh, k, variables, phase, start) for k in moves]
         asked = mesh.name in (*scene.output.wall_forces, *scene.output.wall_stress)
-        style, words = _load(mesh, servo) if servo or asked else ("", "")
+        style, words = _load(place, servo) if servo or asked else ("", "")
         belt = "" if mesh.surface_velocity is None else f" surface_vel {vector(mesh.surface_velocity)}"
-        kind = scene.material_index[mesh.material] + 1
-        name = mesh_file(mesh.name)
-        style = f"mesh/surface{style}"
+        kind, name, style = atom_type(scene, mesh), mesh_file(mesh.name), f"mesh/surface{style}"
         found.append(MeshWords(mesh.name, style, kind, name, belt, words, tuple(variables), tuple(motions)))
     return found
 
@@ -196,16 +202,21 @@ def _load(mesh: Mesh, servo: Servo | None) -> tuple[str, str]:
     )
 
 
-def _motion(scene: Scene, mesh: Mesh, k: int, variables: list[tuple[str, str]]) -> str:
-    """The words of motion k of a mesh; the variables it reads are added to the list."""
+def _motion(
+    scene: Scene, mesh: Mesh, k: int, variables: list[tuple[str, str]], phase: int, start: int
+) -> str:
+    """The words of motion k of a mesh in a phase that begins with step `start`; the variables it reads are
+    added to the list.
+    """
     motion: Motion = mesh.motion[k]
-    name = f"{mesh.name}_{k + 1}"
+    name = f"{mesh.name}_{k + 1}" + (f"_from_{phase}" if phase else "")
+    now = f"{f'(step-{start})' if start else 'step'}*{number(scene.time.step)}"
     if isinstance(motion, Linear):
         return f"linear {vector(motion.velocity)}"
     if isinstance(motion, Oscillate):
         return f"wiggle amplitude {vector(motion.amplitude)} period {number(motion.period)}"
     if isinstance(motion, TranslationTable):
-        names = [_table(scene, f"{name}_{a}", motion.time, motion.velocity[:, i], variables)
+        names = [_table(now, f"{name}_{a}", motion.time, motion.velocity[:, i], variables)
                  for i, a in enumerate("xyz")]  # fmt: skip
         return f"linear/variable {' '.join(names)}"
     assert isinstance(motion, Turn), f"{motion.type}: refused by limits.check"
@@ -216,15 +227,16 @@ def _motion(scene: Scene, mesh: Mesh, k: int, variables: list[tuple[str, str]]) 
         angle = math.degrees(motion.amplitude)  # mutate: swing_in_degrees
         return f"riggle {axis} period {number(motion.period)} amplitude {number(angle)}"
     assert isinstance(motion, TurnTable)
-    omega = _table(scene, name, motion.time, motion.angular_velocity, variables)
+    omega = _table(now, name, motion.time, motion.angular_velocity, variables)
     return f"rotate/variable {axis} omega {omega}"
 
 
 def _table(
-    scene: Scene, name: str, time: np.ndarray, values: np.ndarray, variables: list[tuple[str, str]]
+    now: str, name: str, time: np.ndarray, values: np.ndarray, variables: list[tuple[str, str]]
 ) -> str:
-    """A piecewise linear function of time as variables, one a piece, each with those before it: `v_...`."""
-    now = f"step*{number(scene.time.step)}"
+    """A piecewise linear function of a time, stated as a formula, as variables, one a piece, each with those
+    before it: `v_...`.
+    """
     pieces = [f"({now}<{number(time[0])})*({number(values[0])})"]
     for (t, s), (a, b) in zip(itertools.pairwise(time), itertools.pairwise(values), strict=True):
         slope = f"({number((b - a) / (s - t))})*({now}-({number(t)}))+({number(a)})"
@@ -237,7 +249,7 @@ def _table(
 
 
 def same_meshes(scene: Scene) -> bool:
-    """Whether no mesh comes or goes; only then LIGGGHTS can count contacts with them.
+    """Whether no mesh comes, goes or has another belt; only then LIGGGHTS can count contacts with them.
 
     It wants the compute before the first run, and removes no wall of meshes that a compute reads.
     """
@@ -246,21 +258,47 @@ def same_meshes(scene: Scene) -> bool:
 
 def changes(scene: Scene) -> list[Change]:
     """What happens to the walls before each run but the first."""
-    kept = {mesh.name for mesh in scene.meshes}
+    names = {mesh.name for mesh in scene.meshes}
     found = []
-    for (_, _, before), (_, _, after) in itertools.pairwise(scene.segments):
+    for (earlier, _, before), (first, _, after) in itertools.pairwise(scene.segments):
         old, new = [w.name for w in before], [w.name for w in after]
-        old_meshes, new_meshes = [n for n in old if n in kept], [n for n in new if n in kept]
+        old_meshes, new_meshes = [n for n in old if n in names], [n for n in new if n in names]
+        last, phase = scene.phase_after(earlier), scene.phase_after(first)
+        belts = belts_that_change(last, phase)
+        stopped, anew, started = _of_meshes(scene, first, belts)
+        shapes = primitives(scene, phase)
         found.append(
             Change(
-                removed=tuple(n for n in old if n not in new and n not in kept),
-                of_meshes=old_meshes != new_meshes,
+                removed=tuple(n for n in old if n not in names and (n not in new or n in belts)),
+                of_meshes=old_meshes != new_meshes or bool(belts & {*old_meshes}),
                 meshes_before=tuple(old_meshes),
+                stopped=stopped, anew=anew, started=started,
                 meshes=tuple(new_meshes),
-                added=tuple(n for n in new if n not in old and n not in kept),
+                added=tuple(shapes[n] for n in new if n not in names and (n not in old or n in belts)),
             )
-        )
+        )  # fmt: skip
     return found
+
+
+def _of_meshes(
+    scene: Scene, first: int, belts: set[str]
+) -> tuple[tuple[str, ...], tuple[MeshWords, ...], tuple[MeshWords, ...]]:
+    """Motions that end in a step, meshes stated anew, and meshes whose motions start there."""
+    if first not in scene.phase_steps:
+        return (), (), ()
+    k = scene.phase_steps.index(first)
+    moved = {change.name for change in scene.phases[k].walls if change.motion is not None}
+    words = meshes(scene, k + 1)
+    before = [mesh for mesh in scene.phase_scenes[k].meshes if mesh.name in moved]
+    # mutate: order_of_motions_that_stop
+    stopped = tuple(f"{mesh.name}_{m}" for mesh in before for m in reversed(range(1, len(mesh.motion) + 1)))
+    anew = tuple(mesh for mesh in words if mesh.name in belts)
+    return stopped, anew, tuple(mesh for mesh in words if mesh.name in moved)
+
+
+def path(scene: Scene, name: str) -> WallPath | PhasedPath:
+    """Where the motions of a wall take it in LIGGGHTS."""
+    return scene.paths_of_walls(sums=True)[name]
 
 
 def stl(mesh: Mesh) -> str:
