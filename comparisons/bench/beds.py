@@ -30,7 +30,13 @@ FRICTIONLESS = [{**pair, "friction": 0.0} for pair in PAIRS]
 
 
 def bed_scene(
-    name: str, particles: dict[str, Any], *, gate: bool, copies: int = 1, duration: float, **changes: Any
+    name: str,
+    particles: dict[str, Any] | None,
+    *,
+    gate: bool,
+    copies: int = 1,
+    duration: float,
+    **changes: Any,
 ) -> Scene:
     """A slice of the dam break, 0.9 m long, `copies` x 30 mm deep, periodic in y; softened to 5 MPa."""
     depth = DEPTH * copies

@@ -20,6 +20,7 @@ import psutil
 
 from comparisons.bench.beds import STEP
 from comparisons.bench.drum import timed_scene
+from comparisons.bench.insertion import STEPS as INSERTION_STEPS
 from comparisons.bench.worker import Measured
 from gpudem.errors import GpudemError
 from gpudem.output.atomic import write_text
@@ -27,7 +28,7 @@ from gpudem.solver.device import cores as usable_cores
 from gpudem.solver.device import find_device
 from reference.liggghts.code import CODE as LIGGGHTS
 
-BEDS = ("settled", "flowing", "drum")
+BEDS = ("settled", "flowing", "drum", "insertion")
 #: Particle-steps of one measurement: about 10 s on one core.
 BUDGET = 4e7
 MIN_STEPS, MAX_STEPS = 100, 6000
@@ -57,6 +58,8 @@ class Row:
     contacts: float | None = None
     array_bytes: float | None = None
     moved_bytes: float | None = None
+    insertion_share: float | None = None
+    """Of the time of stepping [1]; None where nothing is inserted."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,12 +79,13 @@ class Plan:
         """(device, cores); what is not a CPU counts as one core."""
         return [(device, n) for device in self.devices for n in (self.cores if device == "cpu" else [1])]
 
-    def runs(self) -> list[tuple[str, str, int, str]]:
-        """(code, device, cores, precision) of one bed, in turn."""
+    def runs(self, bed: str) -> list[tuple[str, str, int, str]]:
+        """(code, device, cores, precision) of one bed, in turn; LIGGGHTS is not given one with insertions."""
+        liggghts = self.liggghts and bed != "insertion"
         found = []
         for device, cores in self.places():
             found += [("gpudem", device, cores, precision) for precision in self.precisions]
-            found += [(LIGGGHTS.name, "cpu", cores, "float64")] * (self.liggghts and device == "cpu")
+            found += [(LIGGGHTS.name, "cpu", cores, "float64")] * (liggghts and device == "cpu")
         return found
 
     def again(self, rows: list[Row]) -> list[str]:
@@ -94,8 +98,13 @@ class Plan:
             if (bed, size, device, cores) in done
         ]
 
-    def steps(self, size: int, device: str, cores: int) -> int:
-        """So many that a core of a CPU is busy for some 10 s, and a GPU for 5 s at 1e9 particle-steps/s."""
+    def steps(self, bed: str, size: int, device: str, cores: int) -> int:
+        """So many that a core of a CPU is busy for some 10 s, and a GPU for 5 s at 1e9 particle-steps/s.
+
+        All of them where particles are inserted.
+        """
+        if bed == "insertion":
+            return INSERTION_STEPS
         budget = self.budget * (cores if device == "cpu" else 100)
         return int(min(MAX_STEPS, max(MIN_STEPS, budget / size)))
 
@@ -121,7 +130,9 @@ def measure_row(run: tuple[str, str, int, str], bed: str, size: int, steps: int,
     if code == "gpudem":
         m = dataclasses.asdict(measure_gpudem(bed, size, steps, cores, device, precision))
         stepping_s, about["device"] = m.pop("stepping_s"), m.pop("device")
-        return Row(**about, **m, rate=size * steps / stepping_s)
+        rate, inserting_s = m.pop("particle_steps") / stepping_s, m.pop("insertion_s")
+        share = None if inserting_s is None else inserting_s / stepping_s
+        return Row(**about, **m, rate=rate, insertion_share=share)
     from reference import liggghts
 
     with tempfile.TemporaryDirectory() as folder:
@@ -138,8 +149,8 @@ def fits(size: int) -> bool:
 def measurements(plan: Plan) -> Iterator[Row]:
     """Every combination, the codes in turn within each repeat, so that all see the same machine."""
     for size, bed in itertools.product(plan.sizes, plan.beds):
-        for repeat, run in itertools.product(range(plan.repeats), plan.runs()):
-            yield measure_row(run, bed, size, plan.steps(size, run[1], run[2]), repeat)
+        for repeat, run in itertools.product(range(plan.repeats), plan.runs(bed)):
+            yield measure_row(run, bed, size, plan.steps(bed, size, run[1], run[2]), repeat)
 
 
 def _kind(row: Row) -> tuple[Any, ...]:
@@ -176,6 +187,9 @@ def summary(rows: list[Row], bandwidths: Iterable[dict[str, Any]] = ()) -> list[
         line["of the roofline [%]"] = 100 * rate * moved / ceiling if moved and ceiling else None
         line["arrays [B]"] = mine[0].array_bytes
         line["contacts"] = mine[0].contacts
+        shares = [100 * r.insertion_share for r in mine if r.insertion_share is not None]
+        line["insertion [%]"] = statistics.median(shares) if shares else None
+        line["insertion most [%]"] = max(shares, default=None)
         line["first step after [s]"] = statistics.median(r.first_step_s or np.nan for r in mine)
         table.append(line)
     return table
@@ -276,7 +290,9 @@ def _numbers(context: click.Context, parameter: click.Parameter, value: str) -> 
     "--cores", default="1,2", callback=_numbers, show_default=True,
     help="Threads of gpudem and MPI ranks of LIGGGHTS.",
 )  # fmt: skip
-@click.option("--beds", default="settled,flowing", help="Of settled, flowing, drum.", show_default=True)
+@click.option(
+    "--beds", default="settled,flowing", help="Of settled, flowing, drum, insertion.", show_default=True
+)
 @click.option("--repeats", default=3, show_default=True)
 @click.option("--precision", default="float64,mixed", help="Of gpudem, with commas.", show_default=True)
 @click.option("--device", default="cpu", help="Of gpudem, with commas.", show_default=True)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from comparisons.bench.beds import COUNT, DATA, MATERIALS, PAIRS, RADIUS, SKIN, STEP, bench_scene
+from comparisons.bench.insertion import insertion_scene
 from comparisons.oracles.mesh_shapes import faceted_cylinder
 from gpudem.scene import Scene
 
@@ -66,7 +67,11 @@ def drum_bed(particles: int, steps: int, **changes: Any) -> Scene:
 
 
 def timed_scene(bed: str, particles: int, steps: int, **changes: Any) -> Scene:
-    """The scene of a row of `gpudem bench`: a `settled` or `flowing` bed, or a `drum`."""
+    """The scene of a row of `gpudem bench`: a `settled` or `flowing` bed, a `drum`, or an `insertion`, whose
+    steps are its own.
+    """
+    if bed == "insertion":
+        return insertion_scene(particles, **changes)
     return (drum_bed if bed == "drum" else partial(bench_scene, bed))(particles, steps, **changes)
 
 

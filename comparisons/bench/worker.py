@@ -1,6 +1,6 @@
 """One gpudem measurement in a process of its own, so that its memory and its start-up are its own.
 
-`python -m comparisons.bench_worker BED PARTICLES STEPS THREADS DEVICE PRECISION STARTED` prints a `Measured`
+`python -m comparisons.bench.worker BED PARTICLES STEPS THREADS DEVICE PRECISION STARTED` prints a `Measured`
 as JSON; STARTED is `time.time()` at the start of the process.
 """
 
@@ -16,6 +16,7 @@ import warp as wp
 
 from comparisons.bench.beds import SKIN
 from comparisons.bench.drum import timed_scene
+from comparisons.bench.insertion import step_through
 from gpudem.solver.solver import Solver
 
 
@@ -25,9 +26,13 @@ class Measured:
 
     device: str
     stepping_s: float
+    particle_steps: float
+    """Done in that time."""
     compile_s: float
     first_step_s: float
     """From the start of the process to the end of the first step."""
+    insertion_s: float | None
+    """Of stepping_s: insertion; None where nothing is inserted."""
     rebuilds: int
     contacts: float
     """A particle."""
@@ -50,16 +55,16 @@ def measure(
     simulation.advance(1)
     wp.synchronize_device(simulation.device)
     first_step_s = time.time() - started
-    begin, rebuilds = time.perf_counter(), simulation.neighbors.rebuilds
-    simulation.advance(steps - 1)
-    wp.synchronize_device(simulation.device)
-    stepping_s = (time.perf_counter() - begin) * steps / (steps - 1)
+    rebuilds, done = simulation.neighbors.rebuilds, simulation.departures.mean_count(1)
+    stepping_s, insertion_s = step_through(simulation, steps - 1)
     rebuilds = simulation.neighbors.rebuilds - rebuilds
     arrays = sum(simulation.memory_bytes().values()) / particles
     moved = moved_bytes(simulation)
     simulation.write_step(last=True)
     return Measured(
-        device=str(simulation.device), stepping_s=stepping_s, compile_s=simulation.compile_s,
+        device=str(simulation.device), stepping_s=stepping_s,
+        particle_steps=simulation.departures.mean_count(steps) * steps - done,
+        insertion_s=insertion_s if scene.insert else None, compile_s=simulation.compile_s,
         first_step_s=first_step_s, rebuilds=rebuilds, contacts=simulation.contact_count() / particles,
         array_bytes=arrays, moved_bytes=moved, peak_memory_bytes=peak_memory(),
     )  # fmt: skip

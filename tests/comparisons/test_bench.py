@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from comparisons.bench import command as bench
-from comparisons.bench import roofline
+from comparisons.bench import insertion, roofline
 from comparisons.bench import worker as bench_worker
 from comparisons.bench.beds import COUNT, STEP, bench_scene
 from gpudem.errors import GpudemError
@@ -79,6 +79,57 @@ def test_beds_below_and_above_one():
     assert len(bench_scene("settled", 2 * COUNT, 1).state) == 2 * COUNT
     with pytest.raises(ValueError, match="7000 particles"):
         bench_scene("settled", 7000, 1)
+
+
+class TimedSolver:
+    """A step takes 1 s, a step in which particles come 6 s; by the clock of the test."""
+
+    device = "cpu"
+
+    def __init__(self, scene, clock: list[float]):
+        self.scene, self.clock, self.step_count = scene, clock, 0
+
+    def advance(self, count: int) -> None:
+        steps = range(self.step_count + 1, self.step_count + count + 1)
+        self.clock[0] += sum(6.0 if step in self.scene.insertion_steps else 1.0 for step in steps)
+        self.step_count += count
+
+
+def test_time_of_insertion(monkeypatch):
+    """Catches a plain step counted as insertion, an insertion missed, steps left out of the total."""
+    clock = [0.0]
+    monkeypatch.setattr(insertion.time, "perf_counter", lambda: clock[0])
+    monkeypatch.setattr(insertion.wp, "synchronize_device", lambda device: None)
+    scene = insertion.insertion_scene(100)
+    assert len(scene.insertion_steps) == insertion.EVENTS
+    solver = TimedSolver(scene, clock)
+    solver.advance(1)
+    total, of_insertion = insertion.step_through(solver, insertion.STEPS - 1)  # pyright: ignore[reportArgumentType]
+    assert solver.step_count == insertion.STEPS
+    come = insertion.EVENTS - (scene.insertion_steps[0] == 1)
+    assert of_insertion == pytest.approx(5.0 * come)
+    assert total == pytest.approx(insertion.STEPS - 1 + 5.0 * come)
+    plain = TimedSolver(bench_scene("settled", 100, 50), clock)
+    assert insertion.step_through(plain, 50) == (50.0, 0.0)  # pyright: ignore[reportArgumentType]
+
+
+def test_insertion_bed_is_measured():
+    """Catches particle-steps counted for all balls from the start on, and LIGGGHTS asked for it."""
+    found = bench_worker.measure("insertion", 100, insertion.STEPS, 1, "cpu", "float64", 0.0)
+    assert found.particle_steps == pytest.approx(0.505 * 100 * insertion.STEPS, rel=0.01)
+    assert found.insertion_s is not None
+    assert 0 < found.insertion_s < found.stepping_s
+    plan = bench.Plan([100], [1], ["cpu"], ["float64"], ["insertion"], 1, 1e5, True)
+    assert [code for code, *_ in plan.runs("insertion")] == ["gpudem"]
+    assert [code for code, *_ in plan.runs("settled")] == ["gpudem", "liggghts"]
+    assert plan.steps("insertion", 100, "cpu", 1) == insertion.STEPS
+
+
+@pytest.mark.parametrize("count", [150, 7000])
+def test_insertion_in_whole_layers(count):
+    """Catches balls that are left out in silence."""
+    with pytest.raises(ValueError, match=f"{count} particles: a multiple of 100"):
+        insertion.insertion_scene(count)
 
 
 @pytest.mark.long
