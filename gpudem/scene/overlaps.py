@@ -150,6 +150,41 @@ def find_overlaps(
 Pairs = Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 
+def _tree(points: np.ndarray) -> KDTree:
+    from scipy.spatial import KDTree
+
+    return KDTree(points, balanced_tree=False, compact_nodes=False)
+
+
+class SizeClasses:
+    """Spheres sorted into classes of size, each with a search tree of its centers."""
+
+    def __init__(self, position: np.ndarray, radius: np.ndarray):
+        self.position, self.radius = position, radius
+        classes = np.floor(2 * np.log2(radius / radius.max(initial=0.0))).astype(int)
+        self.rows = {int(c): np.flatnonzero(classes == c) for c in np.unique(classes)}
+        """Rows of each class, from the smallest."""
+        self.trees = {c: _tree(position[own]) for c, own in self.rows.items()}
+        self.largest = {c: float(radius[own].max()) for c, own in self.rows.items()}
+        """Largest radius of each class [m]."""
+
+
+def touched(one: SizeClasses, other: SizeClasses, period: np.ndarray) -> np.ndarray:
+    """Which spheres of `one` overlap one of the others, shape (n,); positions as of `find_overlaps`."""
+    found = np.zeros(len(one.radius), bool)
+    for a, own in one.rows.items():
+        for b, theirs in other.rows.items():
+            reach = one.largest[a] + other.largest[b]
+            k, place = _images(one.position[own], reach, period)
+            every = np.concatenate([np.arange(len(own)), k])
+            tree = _tree(np.concatenate([one.position[own], place])) if len(k) else one.trees[a]
+            for i, j, distance in _pairs_between(tree, other.trees[b], reach):
+                rows = own[every[i]]
+                hit = distance < one.radius[rows] + other.radius[theirs[j]]
+                found[rows[hit]] = True  # mutate: overlap_with_earlier
+    return found
+
+
 def _meeting(pairs: Pairs, free: np.ndarray | None) -> Pairs:
     """Those of which one at least is free."""
     for i, j, distance in pairs:
@@ -162,15 +197,8 @@ def near_pairs(position: np.ndarray, radius: np.ndarray, period: np.ndarray, lim
 
     Arguments as of `find_overlaps`. i and j are in no order.
     """
-    from scipy.spatial import KDTree
-
-    def tree(points: np.ndarray) -> KDTree:
-        return KDTree(points, balanced_tree=False, compact_nodes=False)
-
-    classes = np.floor(2 * np.log2(radius / radius.max())).astype(int)
-    rows = {int(c): np.flatnonzero(classes == c) for c in np.unique(classes)}  # from the smallest
-    trees = {c: tree(position[own]) for c, own in rows.items()}
-    largest = {c: float(radius[own].max()) for c, own in rows.items()}
+    sized = SizeClasses(position, radius)
+    rows, trees, largest = sized.rows, sized.trees, sized.largest
     for large, own in rows.items():
         for small in (c for c in rows if c <= large):
             # R_i + R_j - limit R_j of the largest: farther apart none overlaps by more than the limit
@@ -183,7 +211,7 @@ def near_pairs(position: np.ndarray, radius: np.ndarray, period: np.ndarray, lim
                 k, place = np.concatenate([np.arange(len(own)), k]), np.concatenate([position[own], place])
             if len(k) == 0:
                 continue
-            for i, j, distance in _pairs_between(tree(place), trees[small], reach):
+            for i, j, distance in _pairs_between(_tree(place), trees[small], reach):
                 i, j = own[k[i]], rows[small][j]
                 once = i < j if small == large else np.ones(len(i), bool)  # images meet from both sides
                 yield i[once], j[once], distance[once]

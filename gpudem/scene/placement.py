@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from gpudem.scene.overlaps import near_pairs
+from gpudem.scene.overlaps import SizeClasses, near_pairs, touched
 from gpudem.scene.packing import InitialState
 from gpudem.scene.regions import Region
 
@@ -78,7 +78,7 @@ def place(
     position, placed = np.zeros((len(radius), 3)), np.zeros(len(radius), bool)
     if not len(radius):
         return position, placed
-    there, their = flight.near(region, float(radius.max()), time)
+    taken = _Taken(flight, *flight.near(region, float(radius.max()), time))
     order = np.argsort(-radius, kind="stable")
     tried = 0
     while tried < attempts and len(order):
@@ -87,47 +87,73 @@ def place(
         points = region.points(rng.random((len(row), 3)))
         within = region.depth(points) >= radius[row]
         row, points = row[within], points[within]
-        good = _without_overlap(points, radius[row], row, there, their, flight)
+        free = ~taken.in_the_way(points, radius[row])
+        row, points = row[free], points[free]
+        good = _without_overlap(points, radius[row], row, flight)
         position[row[good]], placed[row[good]] = points[good], True
-        there, their = np.concatenate([there, points[good]]), np.concatenate([their, radius[row[good]]])
+        taken.add(points[good], radius[row[good]])
         order = order[~placed[order]]
         tried += each
     return position, placed
 
 
-def _without_overlap(
-    points: np.ndarray, radius: np.ndarray, row: np.ndarray, there: np.ndarray, their: np.ndarray,
-    flight: Flight,
-) -> np.ndarray:  # fmt: skip
-    """The points to take, ascending: each free of overlap with what is there and with those taken before it.
+class _Taken:
+    """Spheres that are in the way, in pieces with search trees of their own.
+
+    A piece that is added is joined with those before it that are not twice as large, so that there are few
+    pieces, and a sphere is sorted into a tree a few times only, however often spheres are added.
+    """
+
+    def __init__(self, flight: Flight, position: np.ndarray, radius: np.ndarray):
+        self.flight = flight
+        self.pieces: list[SizeClasses] = []
+        self.add(position, radius)
+
+    def add(self, position: np.ndarray, radius: np.ndarray) -> None:
+        """More of them."""
+        if not len(radius):
+            return
+        position, radius = position - self.flight.lo, radius * (1 + CLEARANCE)
+        while self.pieces and len(self.pieces[-1].radius) < 2 * len(radius):
+            last = self.pieces.pop()
+            position, radius = (
+                np.concatenate([last.position, position]), np.concatenate([last.radius, radius])
+            )  # fmt: skip
+        self.pieces.append(SizeClasses(position, radius))
+
+    def in_the_way(self, points: np.ndarray, radius: np.ndarray) -> np.ndarray:
+        """Whether a sphere at each of these points would overlap one of them, shape (n,)."""
+        rest = np.arange(len(points))
+        found = np.zeros(len(points), bool)
+        for piece in self.pieces:  # the largest first: what it blocks need not be looked for in the others
+            tried = SizeClasses(points[rest] - self.flight.lo, radius[rest] * (1 + CLEARANCE))
+            found[rest] = touched(tried, piece, self.flight.period)
+            rest = np.flatnonzero(~found)
+        return found
+
+
+def _without_overlap(points: np.ndarray, radius: np.ndarray, row: np.ndarray, flight: Flight) -> np.ndarray:
+    """The points to take, ascending: each free of overlap with those taken before it.
 
     row: the particle of each point; a particle takes the first that is free.
     """
-    first, count = len(there), len(points)
-    if not count:
+    if not len(points):
         return np.empty(0, np.int64)
-    every = np.concatenate([there, points]) - flight.lo
-    reach = np.concatenate([their, radius]) * (1 + CLEARANCE)
-    blocked = np.zeros(count, bool)
-    pairs: list[np.ndarray] = []
-    for i, j, distance in near_pairs(every, reach, flight.period, 0.0):
+    reach = radius * (1 + CLEARANCE)
+    pairs = [np.empty((0, 2), np.int64)]
+    for i, j, distance in near_pairs(points - flight.lo, reach, flight.period, 0.0):
         hit = distance < reach[i] + reach[j]
-        low, high = np.minimum(i, j)[hit], np.maximum(i, j)[hit]
-        blocked[high[(low < first) & (high >= first)] - first] = True  # mutate: overlap_with_earlier
-        both = low >= first
-        pairs.append(np.stack([low[both], high[both]], axis=1) - first)
-    return _first_come(blocked, np.concatenate([np.empty((0, 2), np.int64), *pairs]), row)
+        pairs.append(np.stack([np.minimum(i, j)[hit], np.maximum(i, j)[hit]], axis=1))
+    return _first_come(np.concatenate(pairs), row)
 
 
-def _first_come(blocked: np.ndarray, pairs: np.ndarray, row: np.ndarray) -> np.ndarray:
-    """Points taken in their order: not blocked, in no pair with one taken before, one a particle."""
-    pairs = pairs[~blocked[pairs].any(axis=1)]
+def _first_come(pairs: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """Points taken in their order: in no pair with one taken before, one a particle."""
     pairs = pairs[np.argsort(pairs[:, 1], kind="stable")]
     ends = np.searchsorted(pairs[:, 1], np.arange(len(row) + 1)).tolist()
     lower: list[Any] = pairs[:, 0].tolist()
     taken, done, found = np.zeros(len(row), bool).tolist(), set(), []
-    for k in np.flatnonzero(~blocked).tolist():
-        particle = int(row[k])
+    for k, particle in enumerate(row.tolist()):
         if particle in done or any(taken[i] for i in lower[ends[k] : ends[k + 1]]):
             continue
         taken[k] = True
