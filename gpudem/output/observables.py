@@ -244,8 +244,8 @@ def particles(view: View) -> float:
 
 @observable("front_x", "m")
 def front_x(view: View) -> float:
-    """Largest x of a particle's centre."""
-    return view.max("position")[0]
+    """Largest x of a particle's centre; it follows particles through periodic sides."""
+    return view.max("unwrapped_position")[0]
 
 
 @observable("centre_x", "m")

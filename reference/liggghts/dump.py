@@ -202,9 +202,9 @@ def history(scene: Scene, blocks: list[list[str]], raw: Path) -> pandas.DataFram
     if scene.meshes and "mesh_contacts" not in names:
         del column["contacts"]
     kept = [*HISTORY_COLUMNS, *({"particles"} & set(scene.output.history or ()))]
-    kept += [name for name in column if name.startswith("removed_")]
     usual = {name: column[name] for name in kept if name in column}
     found = usual | wall_loads.history(scene, raw, column) | groups.history(scene, column)
+    found |= {name: column[name] for name in column if name.startswith("removed_")}  # gpudem's order
     return observables.with_rates(pandas.DataFrame(found | flow.history(scene, column)), scene)
 
 
