@@ -17,6 +17,7 @@ import warp as wp
 from comparisons.bench.beds import SKIN
 from comparisons.bench.drum import timed_scene
 from comparisons.bench.insertion import step_through
+from gpudem.solver.list_layout import packed
 from gpudem.solver.solver import Solver
 
 
@@ -77,13 +78,14 @@ def moved_bytes(simulation: Solver) -> float:
     processor reads only to overwrite them.
     """
     n, memory = simulation.state.n, simulation.memory_bytes()
-    entries = simulation.state.particles.neighbor.numpy()[: simulation.state.particles.start.numpy()[-1]]
+    entries = packed(simulation.state)["neighbor"]
 
     def each(*prefixes: str) -> float:
         return sum(size for name, size in memory.items() if name.startswith(prefixes)) / n
 
     spring = np.dtype(np.float64 if simulation.spec.precision == "float64" else np.float32).itemsize * 3
-    once = each("now.", "next.", "particles.x_at_rebuild", "particles.start", "particles.wall_start")
+    particles = [f"particles.{name}" for name in ("x_at_rebuild", "start", "count", "wall_start")]
+    once = each("now.", "next.", *particles)
     twice = each("particles.partial_force", "particles.partial_torque")
     listed = (4 * len(entries) + 2 * spring * np.count_nonzero(entries < 0)) / n
     return once + 2 * twice + float(listed)

@@ -62,7 +62,7 @@ def mesh_contacts(spec: Spec) -> Any:
         if wp.static(spec.path):  # may overlap half a step before or after
             limit += wide(0.5) * params.skin
         end = wp.int32(0) + first
-        for k in range(first, last):
+        for k in range(first, last, wp.static(spec.list_slice)):
             put_int(particles.mesh_leader, k, APART)
             code = code_of(params, particles, k)
             if code >= 0:
@@ -74,7 +74,7 @@ def mesh_contacts(spec: Spec) -> Any:
                         particles.mesh_normal[k] = to_space(walls, at, normal)
                         put_int(particles.mesh_leader, k, OPEN - feature)
                         put_int(particles.mesh_near, end, k)
-                        end += 1
+                        end += wp.static(spec.list_slice)  # mutate: next_near_triangle
         if end > first:
             rule(params, walls, particles, launch, i, x, radius, first, end)
             if wp.static(spec.contact_history):
@@ -184,7 +184,7 @@ def deepest_triangle(spec: Spec) -> Any:
     @wp.func
     def deepest(particles: t.Particles, begin: wp.int32, end: wp.int32):
         found, least = wp.int32(-1), t.wide(0.0)
-        for at in range(begin, end):
+        for at in range(begin, end, wp.static(spec.list_slice)):
             k = get_int(particles.mesh_near, at)
             state = get_int(particles.mesh_leader, k)
             if state <= OPEN:
@@ -219,7 +219,7 @@ def unique_contacts(spec: Spec) -> Any:
     ):  # fmt: skip
         """Of the contact that the nearest point of entry k is part of, or k."""
         point = x - particles.mesh_gap[k] * particles.mesh_normal[k]
-        for at in range(begin, end):
+        for at in range(begin, end, wp.static(spec.list_slice)):
             m = get_int(particles.mesh_near, at)
             leader = get_int(particles.mesh_leader, m)
             if leader >= 0:
@@ -237,7 +237,7 @@ def unique_contacts(spec: Spec) -> Any:
             leader = leader_of(params, walls, particles, launch, i, x, radius, begin, end, k)
             particles.mesh_leader[k] = leader
             if leader == k:
-                for at in range(begin, end):
+                for at in range(begin, end, wp.static(spec.list_slice)):
                     m = get_int(particles.mesh_near, at)
                     if get_int(particles.mesh_leader, m) <= OPEN:
                         cosine = wp.dot(particles.mesh_normal[k], particles.mesh_normal[m])
@@ -293,7 +293,7 @@ def liggghts_contacts(spec: Spec) -> Any:
             return (walls.active[e] >> (feature - EDGE)) & 1 == 1  # mutate: active_feature
         if get_int(particles.neighbor, k) < 0:  # mutate: face_keeps_contact
             return True
-        for before in range(begin, at):
+        for before in range(begin, at, wp.static(spec.list_slice)):
             m = get_int(particles.mesh_near, before)
             if get_int(particles.mesh_leader, m) == m:
                 code = code_of(params, particles, m)
@@ -309,7 +309,7 @@ def liggghts_contacts(spec: Spec) -> Any:
         params: Params, walls: Walls, particles: Particles, launch: wp.int32, i: wp.int32, x: wide3,
         radius: wide, begin: wp.int32, end: wp.int32,
     ):  # fmt: skip
-        for at in range(begin, end):
+        for at in range(begin, end, wp.static(spec.list_slice)):
             k = get_int(particles.mesh_near, at)
             if counts(params, walls, particles, launch, i, x, begin, at):
                 particles.mesh_leader[k] = k
@@ -366,7 +366,7 @@ def moved_springs(spec: Spec) -> Any:
         e, at_wall, place = place_of(params, walls, particles, launch, i, code, x)
         gap, inward, _feature = triangle(walls, e, place)
         normal = to_space(walls, at_wall, inward)
-        for at in range(begin, end):
+        for at in range(begin, end, wp.static(spec.list_slice)):
             m = get_int(particles.mesh_near, at)
             if get_int(particles.mesh_leader, m) == m:
                 if wp.dot(normal, particles.mesh_normal[m]) > params.merge_cosine:
@@ -380,7 +380,7 @@ def moved_springs(spec: Spec) -> Any:
         params: Params, walls: Walls, particles: Particles, launch: wp.int32, i: wp.int32, x: wide3,
         radius: wide, first: wp.int32, last: wp.int32, end: wp.int32,
     ):  # fmt: skip
-        for k in range(first, last):
+        for k in range(first, last, wp.static(spec.list_slice)):
             if get_int(particles.neighbor, k) < 0 and get_int(particles.mesh_leader, k) != k:
                 if code_of(params, particles, k) >= 0:
                     heir = heir_of(params, walls, particles, launch, i, x, radius, first, end, k)
@@ -403,7 +403,7 @@ def copied_springs(spec: Spec) -> Any:
     def source_of(
         params: Params, walls: Walls, particles: Particles, first: wp.int32, last: wp.int32, e: wp.int32
     ):  # fmt: skip
-        for m in range(first, last):
+        for m in range(first, last, wp.static(spec.list_slice)):
             if get_int(particles.neighbor, m) < 0:
                 code = code_of(params, particles, m)
                 if code >= 0:
@@ -416,7 +416,7 @@ def copied_springs(spec: Spec) -> Any:
         params: Params, walls: Walls, particles: Particles, launch: wp.int32, i: wp.int32, x: wide3,
         radius: wide, first: wp.int32, last: wp.int32, end: wp.int32,
     ):  # fmt: skip
-        for at in range(first, end):
+        for at in range(first, end, wp.static(spec.list_slice)):
             k = get_int(particles.mesh_near, at)
             if get_int(particles.mesh_leader, k) == k and get_int(particles.neighbor, k) >= 0:
                 e = triangle_of(code_of(params, particles, k))

@@ -16,23 +16,31 @@ from gpudem.solver.wall_frames import wall_frame
 get_entry, put_entry = access(wp.int32).get, access(wp.int32).put
 
 
-@wp.func
-def sort_entries(out: wp.array[wp.int32], begin: wp.int32, end: wp.int32):
-    """Ascending, in place: Shell's sort. Of few entries it is insertion, of thousands near n log n."""
-    count, stride = end - begin, wp.int32(1)
-    while 3 * stride + 1 < count:
-        stride = 3 * stride + 1
-    while stride > 0:
-        for k in range(begin + stride, end):
-            entry, at = get_entry(out, k), wp.int32(0) + k
-            while at >= begin + stride:
-                before = get_entry(out, at - stride)
-                if before <= entry:  # mutate: entries_ascend
-                    break
-                put_entry(out, at, before)
-                at -= stride
-            put_entry(out, at, entry)
-        stride = stride // 3
+@functools.cache
+def sort_entries(distance: int) -> Any:
+    """A function: puts entries from place `begin` on, so far distance, in ascending order.
+
+    Shell's sort: of few entries it is insertion, of thousands near n log n.
+    """
+
+    @wp.func
+    def sort(out: wp.array[wp.int32], begin: wp.int32, count: wp.int32):
+        stride, end = wp.int32(distance), begin + wp.static(distance) * count
+        while 3 * stride + wp.static(distance) < end - begin:
+            stride = 3 * stride + wp.static(distance)
+        while stride > 0:
+            for k in range(begin + stride, end, wp.static(distance)):
+                entry, at = get_entry(out, k), wp.int32(0) + k
+                while at >= begin + stride:
+                    before = get_entry(out, at - stride)
+                    if before <= entry:  # mutate: entries_ascend
+                        break
+                    put_entry(out, at, before)
+                    at -= stride
+                put_entry(out, at, entry)
+            stride = stride // wp.static(3 * distance) * wp.static(distance)
+
+    return sort
 
 
 @functools.cache
@@ -69,7 +77,7 @@ def mesh_search(spec: Spec) -> Any:
     """
     t = structs(spec.precision)
     Params, Particles, Walls, wide, wide3 = t.Params, t.Particles, t.Walls, t.wide, t.wide3
-    triangle = triangle_surface(spec)
+    triangle, sort = triangle_surface(spec), sort_entries(spec.list_slice)
     to_wall, coded, shifts = wall_frame(spec).to_wall, mesh_entry(spec).coded, image_range(spec)
 
     @wp.func
@@ -94,7 +102,11 @@ def mesh_search(spec: Spec) -> Any:
                 if gap < radius - params.overlap_limit * radius:  # mutate: deep_in_mesh
                     write_report(status, i // params.block, wp.int32(DEEP_IN_WALL), particles.id[i], w)
                 if count < room:
-                    put_entry(out, base + count, params.n + params.walls + coded(particles, i, e, sides))
+                    put_entry(
+                        out,
+                        base + wp.static(spec.list_slice) * count,
+                        params.n + params.walls + coded(particles, i, e, sides),
+                    )
                 count += 1
         return count
 
@@ -120,7 +132,7 @@ def mesh_search(spec: Spec) -> Any:
                             out, base, room, status,
                         )  # fmt: skip
         if count <= room:  # else it is searched for again, with room
-            sort_entries(out, base + found, base + count)
+            sort(out, base + wp.static(spec.list_slice) * found, count - found)
         return count
 
     return search

@@ -18,6 +18,7 @@ from gpudem.solver.body import body_struct
 from gpudem.solver.class_grids import grid_functions, grid_struct
 from gpudem.solver.geometry import nearest_image
 from gpudem.solver.held_particles import held_particles
+from gpudem.solver.list_layout import list_places, place_in_slices
 from gpudem.solver.mesh_search import mesh_search
 from gpudem.solver.reports import (
     DEEP_IN_WALL,
@@ -215,10 +216,9 @@ def cell_starts(
 @wp.kernel(enable_backward=False)
 def check_rebuild(
     # in
-    n: wp.int32,
     present: wp.int32,
     capacity: wp.int32,
-    start: wp.array[wp.int32],
+    total: wp.array[wp.int32],
     staying: wp.array[wp.int32],
     status: wp.array[wp.int64],
     # out
@@ -233,7 +233,7 @@ def check_rebuild(
     list_fits[0] = 0
     if staying[0] < present:  # the host lets particles go  # mutate: leaving_in_graph
         reports += 1
-    if reports == 0 and start[n] <= capacity:  # mutate: list_fits
+    if reports == 0 and total[0] <= capacity:  # mutate: list_fits
         list_fits[0] = 1
         graph_rebuilds[0] = graph_rebuilds[0] + 1
     else:
@@ -248,12 +248,12 @@ def entry_search(spec: Spec) -> Any:
     walls (`any_wall`), whose entry may hold what a fast floor has risen.
     """
     t = structs(spec.precision)
-    get_int = access(wp.int32).get
+    get_int, first_of, end_of = access(wp.int32).get, list_places(spec).first, list_places(spec).end
 
     @wp.func
     def find(particles: t.Particles, at: wp.int32, partner: wp.int32, any_wall: bool):
         found = wp.int32(-1)
-        for k in range(particles.start[at], particles.start[at + 1]):
+        for k in range(first_of(particles, at), end_of(particles, at), wp.static(spec.list_slice)):
             entry = get_int(particles.neighbor, k)
             if entry == -partner - 1 or (any_wall and entry == partner):
                 found = wp.int32(0) + k  # a copy: Warp would name the loop's own variable
@@ -272,6 +272,7 @@ def wall_entry_search(spec: Spec) -> Any:
     """
     t = structs(spec.precision)
     find, get_int = entry_search(spec), access(wp.int32).get
+    first_of, length_of = list_places(spec).first, list_places(spec).length
 
     @wp.func
     def other_of(particles: t.Particles, k: wp.int32):
@@ -282,17 +283,18 @@ def wall_entry_search(spec: Spec) -> Any:
 
     @wp.func
     def bisect(particles: t.Particles, at: wp.int32, partner: wp.int32):
-        low, end = get_int(particles.start, at), get_int(particles.start, at + 1)
-        high = wp.int32(0) + end
+        first, length = first_of(particles, at), length_of(particles, at)
+        low, high = wp.int32(0), wp.int32(0) + length
         while low < high:
             middle = (low + high) // 2
-            if other_of(particles, middle) < partner:
+            if other_of(particles, first + wp.static(spec.list_slice) * middle) < partner:
                 low = middle + 1
             else:
                 high = middle
-        if low < end:
-            if other_of(particles, low) == partner:
-                return low
+        if low < length:
+            k = first + wp.static(spec.list_slice) * low  # mutate: wall_by_bisection
+            if other_of(particles, k) == partner:
+                return k
         return wp.int32(-1)
 
     @wp.func
@@ -310,14 +312,14 @@ def pair_search(spec: Spec) -> Any:
     of entries, and would search them all for each of its contacts.
     """
     t = structs(spec.precision)
-    find = entry_search(spec)
+    find, length_of = entry_search(spec), list_places(spec).length
 
     @wp.func
     def search(particles: t.Particles, o: wp.int32, partner: wp.int32):
         p, q = wp.int32(0) + o, wp.int32(0) + partner
         sign = t.real(1.0)
         if wp.static(spec.size_classes):
-            if particles.start[q + 1] - particles.start[q] < particles.start[p + 1] - particles.start[p]:
+            if length_of(particles, q) < length_of(particles, p):
                 p, q = wp.int32(0) + partner, wp.int32(0) + o
                 sign = t.real(-1.0)  # mutate: sign_in_shorter_list
         k = find(particles, p, q, False)
@@ -396,8 +398,9 @@ def span_search(spec: Spec) -> Any:
                     contacts += 1
                     check_overlap(params, particles, i, j, rsq, touch, status)
                 if neighbors < room:
-                    put_int(out, base + neighbors, get_int(out, base + at))
-                    put_int(out, base + at, entry)
+                    here = base + wp.static(spec.list_slice) * at
+                    put_int(out, base + wp.static(spec.list_slice) * neighbors, get_int(out, here))
+                    put_int(out, here, entry)
                 neighbors += 1
         return neighbors, contacts
 
@@ -408,7 +411,7 @@ def span_search(spec: Spec) -> Any:
 def neighbor_search(spec: Spec) -> Any:
     """A function: writes the neighbors of particle i, those in contact first; returns how many there are.
 
-    They go to `out` from `base` on, as many as there is `room` for.
+    They go to `out` from `base` on, `spec.list_slice` apart, as many as there is `room` for.
     """
     if spec.size_classes:
         return class_search(spec)
@@ -561,7 +564,7 @@ def wall_search(spec: Spec) -> Any:
                     if gap < radius - params.overlap_limit * radius:  # mutate: deep_in_wall
                         write_report(status, i // params.block, wp.int32(DEEP_IN_WALL), particles.id[i], w)
                     if count < room:
-                        put_int(out, base + count, params.n + w)
+                        put_int(out, base + wp.static(spec.list_slice) * count, params.n + w)
                     count += 1
         if wp.static(bool(spec.meshes)):
             count = mesh_of(params, particles, walls, i, x, radius, count, out, base, room, status)
@@ -577,6 +580,7 @@ def count_kernel(spec: Spec) -> Any:
     Params, Particles, Walls = t.Params, t.Particles, t.Walls
     neighbors, Grid = neighbor_search(spec), grid_struct(spec.precision)
     walls_of = wall_search(spec) if spec.has_walls else None
+    first_of_equal = place_in_slices(spec.list_slice).first_of_equal
 
     @wp.kernel(module="unique", enable_backward=False)
     def count_entries(
@@ -597,7 +601,7 @@ def count_kernel(spec: Spec) -> Any:
         status: wp.array[wp.int64],
     ):
         i = begin + wp.tid()
-        base = i * CACHE_SIZE
+        base = first_of_equal(i, CACHE_SIZE)
         found = neighbors(
             params, particles, grids, key[i], cell_start, i, cache, base, CACHE_SIZE, status
         )  # fmt: skip
@@ -618,6 +622,8 @@ def fill_kernel(spec: Spec) -> Any:
     find, find_pair = wall_entry_search(spec), pair_search(spec)
     walls_of = wall_search(spec) if spec.has_walls else None
     get_int, put_int = access(wp.int32).get, access(wp.int32).put
+    places = place_in_slices(spec.list_slice)
+    first_in, first_of_equal = places.first, places.first_of_equal
 
     @wp.func
     def carry(
@@ -625,7 +631,7 @@ def fill_kernel(spec: Spec) -> Any:
         m: wp.int32, neighbor: wp.array[wp.int32], spring: wp.array[vec3], rolling_torque: wp.array[vec3],
         rise: wp.array[t.wide],
     ):  # fmt: skip
-        """The history of entry m of the particle that was at o: a wall, or a neighbor now in contact."""
+        """The history of the entry at m, of the particle that was at o: a wall, a neighbor now in contact."""
         other = neighbor[m]
         if other >= 0 and other < params.n:
             return
@@ -660,6 +666,7 @@ def fill_kernel(spec: Spec) -> Any:
         cell_start: wp.array[wp.int32],
         order: wp.array[wp.int32],
         start: wp.array[wp.int32],
+        count: wp.array[wp.int32],
         neighbor_count: wp.array[wp.int32],
         cache: wp.array[wp.int32],
         # in and out
@@ -672,11 +679,12 @@ def fill_kernel(spec: Spec) -> Any:
         status: wp.array[wp.int64],
     ):
         i = begin + wp.tid()
-        first = start[i]
-        room = start[i + 1] - first
+        first, room = first_in(start, i), count[i]
+        end = first + wp.static(spec.list_slice) * room
         if room <= CACHE_SIZE:  # all of them are in the cache: nothing to search
-            for m in range(room):
-                put_int(neighbor, first + m, get_int(cache, i * CACHE_SIZE + m))
+            shift = first_of_equal(i, CACHE_SIZE) - first
+            for m in range(first, end, wp.static(spec.list_slice)):
+                put_int(neighbor, m, get_int(cache, m + shift))
         else:
             found = neighbors(
                 params, particles, grids, key[i], cell_start, i, neighbor, first, room, status
@@ -684,9 +692,9 @@ def fill_kernel(spec: Spec) -> Any:
             if wp.static(spec.has_walls):
                 walls_of(params, particles, walls, i, order[i], found, neighbor, first, room, status)
         if wp.static(spec.has_walls):
-            particles.wall_start[i] = first + neighbor_count[i]
+            particles.wall_start[i] = first + wp.static(spec.list_slice) * neighbor_count[i]
         if wp.static(spec.contact_history or spec.moving_walls):
-            for m in range(first, first + room):
+            for m in range(first, end, wp.static(spec.list_slice)):
                 # mutate: history_at_rebuild
                 carry(params, particles, walls, order, order[i], m, neighbor, spring, rolling_torque, rise)
 

@@ -15,6 +15,7 @@ from gpudem.scene.removal import search_box
 from gpudem.scene.size_classes import class_radii
 from gpudem.solver import guards
 from gpudem.solver.class_grids import class_grids, grid_struct
+from gpudem.solver.list_layout import slice_widths
 from gpudem.solver.neighbor_kernels import (
     CACHE_SIZE,
     cell_kernel,
@@ -101,10 +102,14 @@ class NeighborList:
 
         self._set_grids()
         self.key, self.order, self.cell_start = integers(2 * n), integers(2 * n), integers(self.cells + 1)
-        self.start, self.count, self.cache = integers(n + 1), integers(n + 1), integers(n * CACHE_SIZE)
+        slices = -(-n // spec.list_slice)
+        self.start, self.count = integers(slices + 1), integers(n + 1)
+        self.cache = integers(slices * spec.list_slice * CACHE_SIZE)
+        self.width = self.count if spec.half_list else integers(slices + 1)
+        """Room that each slice takes in the list."""
         self.neighbor_count = integers(n) if spec.has_walls else None
         self.status = wp.full(SLOTS, NO_REPORT, dtype=wp.int64, device=device)
-        self.scan = ExclusiveScan(self.count, self.start)
+        self.scan = ExclusiveScan(self.width, self.start)
         self.list_fits = integers(1)
         """1: the last search on the device found nothing wrong, and the list has room."""
         self.graph_rebuilds = integers(2)
@@ -140,6 +145,8 @@ class NeighborList:
             "group_sums": group_sums,
             "group_starts": group_starts,
         }
+        if not spec.half_list:
+            self.kernels["slice_widths"] = slice_widths(spec.list_slice)
         if self.exits is not None:
             self.kernels["leave"] = exit_kernel(spec)
         self.on_leave: Callable[[np.ndarray, np.ndarray], None] = lambda rows, exits: None
@@ -248,8 +255,7 @@ class NeighborList:
         wp.launch(
             check_rebuild, 1,
             inputs=[
-                self.state.n, self.state.present, self.capacity,
-                self.start, self._first_to_leave, self.status,
+                self.state.present, self.capacity, self.start[-1:], self._first_to_leave, self.status,
             ],
             outputs=[self.list_fits, self.graph_rebuilds], device=self.state.device,
         )  # fmt: skip
@@ -267,7 +273,7 @@ class NeighborList:
         self._check()
         if self.exits is not None:
             self._let_go()
-        total = int(self.start[self.state.n : self.state.n + 1].numpy()[0])
+        total = int(self.start[-1:].numpy()[0])
         if total > self.capacity:
             self._allocate(int(1.2 * total))
         self._fill()
@@ -311,6 +317,11 @@ class NeighborList:
         for name in self._permuted_arrays:
             wp.copy(getattr(p, name), getattr(self.scratch, name))
         self._run("count")
+        if not state.spec.half_list:
+            wp.launch(
+                self.kernels["slice_widths"], len(self.width) - 1,
+                inputs=[state.n, self.count], outputs=[self.width], device=state.device,
+            )  # fmt: skip
         self.scan.run()
 
     def _fill(self, launch: int | None = None) -> None:
@@ -318,6 +329,8 @@ class NeighborList:
         p = self.state.particles
         self._run("fill")
         wp.copy(p.start, self.start)
+        if not self.state.spec.half_list:
+            wp.copy(p.count, self.count, count=self.state.n)  # mutate: length_of_lists
         for name in self.entry_arrays:
             wp.copy(getattr(p, name), getattr(self, name))
         for flags in (p.rebuild_pending, p.rebuild_requested):
@@ -337,7 +350,7 @@ class NeighborList:
                 "gather": ([self.order, now, p], [state.next, self.scratch]),
                 "count": ([p, walls, *cells], [self.count, self.neighbor_count, self.cache, self.status]),
                 "fill": (
-                    [walls, *cells, self.start, self.neighbor_count, self.cache],
+                    [walls, *cells, self.start, self.count, self.neighbor_count, self.cache],
                     [p, *lists, self.status],
                 ),
             }[name]

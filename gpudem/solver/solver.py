@@ -28,6 +28,7 @@ from gpudem.scene.walls import Wall
 from gpudem.solver import guards
 from gpudem.solver.device import compile_kernels, find_device
 from gpudem.solver.group_motion import TABLES, GroupMotion
+from gpudem.solver.list_layout import packed, spread
 from gpudem.solver.mesh_tables import MeshTables
 from gpudem.solver.neighbor_list import NeighborList, block_size, cell_grid, layers_of_cells
 from gpudem.solver.removal import Departures
@@ -464,11 +465,10 @@ class Solver:
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """The exact state between two steps, within a segment: every array that the next step reads."""
-        state, total = self.state, int(self.state.particles.start.numpy()[-1])
+        state, listed = self.state, packed(self.state, self.neighbors.entry_arrays)
         stored = {"now": state.now.numpy().copy()}
         for name in self._stored_arrays():
-            array = getattr(state.particles, name).numpy()
-            stored[name] = (array[:total] if name in self.neighbors.entry_arrays else array).copy()
+            stored[name] = listed[name] if name in listed else getattr(state.particles, name).numpy().copy()
         done = [self.step_count, self.neighbors.rebuilds, self._needs_rebuild]
         order = [self.params.block, *self.params.axes]
         if self._motion.servos:
@@ -498,13 +498,19 @@ class Solver:
         # mutate: present_at_restart
         self._set_present(self.scene.count_at(counts[0]) - len(self.departures))
         state.now.assign(saved["now"])
-        self.neighbors.reserve(len(saved["neighbor"]))
-        for name in self._stored_arrays():
+        arrays, entry_arrays = (
+            {name: saved[name] for name in self._stored_arrays()},
+            self.neighbors.entry_arrays,
+        )
+        listed = {k: v for k, v in arrays.items() if k in ("start", "wall_start", *entry_arrays)}
+        arrays |= spread(self.spec, listed)
+        self.neighbors.reserve(len(arrays["neighbor"]))
+        for name, values in arrays.items():
             array = getattr(state.particles, name)
-            if name in self.neighbors.entry_arrays:
-                array = array[: len(saved[name])]
+            if name in entry_arrays:
+                array = array[: len(values)]
             if array.size:
-                array.assign(saved[name])
+                array.assign(values)
         for path, row in zip(self._motion.servos.values(), saved.get("servo", ()), strict=True):
             path.state[:], path.listed[:] = row[:-2], row[-2:]  # mutate: restart_servo
         # mutate: restart_counts
@@ -517,10 +523,11 @@ class Solver:
     def _stored_arrays(self) -> list[str]:
         """Arrays of `state.particles` that last from step to step.
 
-        Not those that are zero between steps or follow from the number of the step.
+        Not those that are zero between steps or follow from others or from the number of the step.
         """
         # mutate: restart_arrays
         leave = (
+            "count",
             "rebuild_pending",
             "rebuild_requested",
             "partial_force",

@@ -133,6 +133,11 @@ class Spec:
         return bool(self.walls) or bool(self.meshes)
 
     @property
+    def list_slice(self) -> int:
+        """Particles whose list entries lie side by side in memory (`gpudem.solver.list_layout`)."""
+        return 1 if self.half_list else 32
+
+    @property
     def mesh_images(self) -> int:
         """Entries that one triangle may have in a list: an image to each side of every periodic direction."""
         return 3 ** sum(self.periodic)

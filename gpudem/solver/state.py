@@ -88,7 +88,9 @@ def _particles_struct(real: Any, vec3: Any, wide: Any, wide3: Any) -> Any:
         group_center: wp.array2d[wide3]  # [m], likewise
         image: wp.array[wp.vec3i]  # crossings of the periodic sides since the start, (n,)
         x_at_rebuild: wp.array[wide3]  # position at the last rebuild [m], (n,)
-        start: wp.array[wp.int32]  # first list entry of each particle, (n + 1,)
+        # first list entry of each particle of a half list, (n + 1,), or of each slice of a full one
+        start: wp.array[wp.int32]
+        count: wp.array[wp.int32]  # list entries, (n,); full list only
         wall_start: wp.array[wp.int32]  # first of them that is a wall, (n,)
         neighbor: wp.array[wp.int32]  # particle j or wall n + w; -that - 1: in contact in the last step
         spring: wp.array[vec3]  # shear spring of each entry [m], (capacity,)  # mutate: spring_array
@@ -196,7 +198,8 @@ class State:
         for name, dtype in group_tables(t.wide).items() if spec.moved_groups else ():
             setattr(p, name, zeros((chunk, int(scene.held.max())), dtype))
         p.x_at_rebuild = zeros(n, t.wide3)
-        p.start = zeros(n + 1, wp.int32)
+        p.start = zeros(-(-n // spec.list_slice) + 1, wp.int32)
+        p.count = zeros(n, wp.int32, not spec.half_list)
         p.wall_start = zeros(n, wp.int32, spec.has_walls)
         p.partial_force = zeros(n, t.vec3, spec.half_list)
         p.partial_torque = zeros(n, t.vec3, spec.half_list and spec.rotation)

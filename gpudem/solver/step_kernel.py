@@ -31,6 +31,7 @@ from gpudem.solver.geometry import (
     wall_procedure,
 )
 from gpudem.solver.held_particles import held_particles
+from gpudem.solver.list_layout import list_places
 from gpudem.solver.mesh_contacts import mesh_contacts, triangle_apart, wall_entry
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import structs
@@ -385,6 +386,7 @@ def step_kernel(spec: Spec) -> Any:
     partner, part, spring_of, rolling_of = entry_of.partner, entry_of.part, entry_of.spring, entry_of.rolling
     store = entry_of.store
     get_int, sums = access(wp.int32).get, partial_sums(spec)
+    first_of, end_of = list_places(spec).first, list_places(spec).end
     take_partial_sums, add_to_partner = sums.take, sums.add
     geometry, procedure, convert = (
         contact_geometry(spec),
@@ -435,12 +437,12 @@ def step_kernel(spec: Spec) -> Any:
             v_next, w_next = velocity_ahead(now, i, mode), spin_ahead(now, i, mode)
         force, torque = take_partial_sums(particles, i)
         contacts, block_end = wp.int32(0), (i // params.block + 1) * params.block
-        first, last = get_int(particles.start, i), get_int(particles.start, i + 1)
+        first, last = first_of(particles, i), end_of(particles, i)
         first_wall = last
         if wp.static(spec.has_walls):
             first_wall = get_int(particles.wall_start, i)
 
-        for k in range(first, first_wall):  # particles
+        for k in range(first, first_wall, wp.static(spec.list_slice)):  # particles
             entry = get_int(particles.neighbor, k)
             j = partner(entry)
             d = nearest(x - position_of(now, j), params.size)
@@ -485,7 +487,7 @@ def step_kernel(spec: Spec) -> Any:
 
         if wp.static(spec.has_walls):
             decide_on_triangles(params, walls, particles, launch, i, x, radius, first_wall, last)
-            for k in range(first_wall, last):
+            for k in range(first_wall, last, wp.static(spec.list_slice)):
                 entry = get_int(particles.neighbor, k)
                 other = partner(entry)
                 note(particles, mode, k, vec3(), vec3(), x)

@@ -12,6 +12,7 @@ import numpy as np
 import warp as wp
 
 from gpudem.solver.device import quiet
+from gpudem.solver.list_layout import list_places, packed, places
 from gpudem.solver.mesh_entries import mesh_entry
 from gpudem.solver.spec import Spec
 from gpudem.solver.state import State, structs
@@ -27,7 +28,7 @@ def sum_kernel(spec: Spec) -> Any:
     """The kernel: thread t sums over the particles t, t + threads, ... for every wall."""
     t = structs(spec.precision)
     Params, Particles, Walls = t.Params, t.Particles, t.Walls
-    triangle = mesh_entry(spec).triangle
+    triangle, end_of = mesh_entry(spec).triangle, list_places(spec).end
 
     @wp.func
     def wide3d(a: Any):
@@ -53,7 +54,7 @@ def sum_kernel(spec: Spec) -> Any:
             torque[t * params.walls + w] = wp.vec3d()
         i = t
         while i < present:
-            for k in range(particles.wall_start[i], particles.start[i + 1]):
+            for k in range(particles.wall_start[i], end_of(particles, i), wp.static(spec.list_slice)):
                 entry = particles.neighbor[k]
                 if entry < 0:
                     entry = -entry - 1
@@ -108,15 +109,13 @@ class WallForces:
 
     def on_triangles(self, count: int) -> np.ndarray:
         """Force on each triangle of the scene [N], (count, 3), summed in order of the list."""
-        state, p = self.state, self.state.particles
-        start, first = p.start.numpy()[: state.present + 1], p.wall_start.numpy()[: state.present]
-        is_wall = np.zeros(start[-1] + 1, np.int64)  # 1 from the first wall of a particle to its last
-        np.add.at(is_wall, first, 1)
-        np.add.at(is_wall, start[1:], -1)
-        entries = np.flatnonzero(np.cumsum(is_wall[:-1]))
-        other = p.neighbor.numpy()[entries]
+        state = self.state
+        found = packed(state, ("neighbor", "wall_force"))
+        start, first = found["start"][: state.present + 1], found["wall_start"][: state.present]
+        entries = places(first, start[1:] - first, 1)
+        other = found["neighbor"][entries]
         code = np.where(other < 0, -other - 1, other) - state.n - state.walls
         of_mesh = code >= 0
         triangle = code[of_mesh] // state.spec.mesh_images  # mutate: triangle_of_image
-        force = -p.wall_force.numpy()[entries[of_mesh]].astype(float)  # mutate: force_on_triangle
+        force = -found["wall_force"][entries[of_mesh]].astype(float)  # mutate: force_on_triangle
         return np.stack([np.bincount(triangle, force[:, k], count) for k in range(3)], axis=1)

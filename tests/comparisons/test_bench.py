@@ -12,6 +12,7 @@ from comparisons.bench import insertion, roofline
 from comparisons.bench import worker as bench_worker
 from comparisons.bench.beds import COUNT, STEP, bench_scene
 from gpudem.errors import GpudemError
+from gpudem.solver.list_layout import packed
 from gpudem.solver.solver import Solver
 
 
@@ -65,7 +66,7 @@ def test_moved_bytes_of_a_known_bed():
     simulation.start()
     simulation.advance(5)
     n = simulation.state.n
-    entries = simulation.state.particles.neighbor.numpy()[: simulation.state.particles.start.numpy()[-1]]
+    entries = packed(simulation.state)["neighbor"]
     motion, reference, partial, starts = 2 * 72, 24, 2 * 48, 4 * (n + 1) / n + 4
     listed = (4 * len(entries) + 48 * np.count_nonzero(entries < 0)) / n
     assert bench_worker.moved_bytes(simulation) == pytest.approx(

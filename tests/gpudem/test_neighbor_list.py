@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gpudem.scene import Scene
+from gpudem.solver.list_layout import packed
 from gpudem.solver.neighbor_list import NeighborList, block_size, cell_grid
 from gpudem.solver.solver import Solver
 from tests.gpudem.beds import MATERIALS
@@ -26,8 +27,8 @@ def cloud(
 def listed_pairs(simulation: Solver) -> set[tuple[int, int]]:
     """What the list stands for, in both orders; a half list leaves out j before i in the same block."""
     p = simulation.state.particles
-    ids, start = p.id.numpy(), p.start.numpy()
-    entries = p.neighbor.numpy()[: start[-1]]
+    ids, listed = p.id.numpy(), packed(simulation.state)
+    start, entries = listed["start"], listed["neighbor"]
     owner = np.repeat(np.arange(simulation.state.n), np.diff(start))
     other = np.where(entries < 0, -entries - 1, entries)
     if simulation.spec.half_list:
