@@ -135,7 +135,17 @@ class NeighborList:
         for name in self._permuted_arrays:
             setattr(self.scratch, name, wp.zeros_like(getattr(state.particles, name)))
         self.exits = Exits(scene, spec, device) if scene.exits else None
-        self.kernels = {
+        self.kernels = self._kernels()
+        self.on_leave: Callable[[np.ndarray, np.ndarray], None] = lambda rows, exits: None
+        """Called with the rows of the scene and the exits of particles that leave."""
+        self._launches: dict[tuple[str, int], Callable[[], None]] = {}
+        self.on_reallocate: Callable[[], None] = lambda: None
+        self.when: Callable[[], str] = lambda: ""
+        self._allocate((6 if spec.half_list else 12) * n + 64)  # grows where it is denser
+
+    def _kernels(self) -> dict[str, Any]:
+        spec = self.state.spec
+        kernels = {
             "cells": cell_kernel(spec),
             "gather": gather_kernel(spec),
             "count": count_kernel(spec),
@@ -146,15 +156,10 @@ class NeighborList:
             "group_starts": group_starts,
         }
         if not spec.half_list:
-            self.kernels["slice_widths"] = slice_widths(spec.list_slice)
+            kernels["slice_widths"] = slice_widths(spec.list_slice)
         if self.exits is not None:
-            self.kernels["leave"] = exit_kernel(spec)
-        self.on_leave: Callable[[np.ndarray, np.ndarray], None] = lambda rows, exits: None
-        """Called with the rows of the scene and the exits of particles that leave."""
-        self._launches: dict[tuple[str, int], Callable[[], None]] = {}
-        self.on_reallocate: Callable[[], None] = lambda: None
-        self.when: Callable[[], str] = lambda: ""
-        self._allocate((6 if spec.half_list else 12) * n + 64)  # grows where it is denser
+            kernels["leave"] = exit_kernel(spec)
+        return kernels
 
     def _allocate(self, capacity: int) -> None:
         """Arrays of so many entries; the old list stays: its history is still to be carried over."""
