@@ -59,12 +59,14 @@ def test_agrees_with_the_cpu(name, where):
     """Against the half list of the CPU, before rounding has grown.
 
     Catches an array that is read before it is written, an index or a stride that only the CPU forgives, a
-    branch of a law that the other compiler takes elsewhere, springs carried to the wrong particle.
+    branch of a law that the other compiler takes elsewhere, springs carried to the wrong particle. Rehearsed,
+    where sums alone have another order, the bound is that of the window: the arithmetic of a GPU was seen to
+    make 24 times that difference.
     """
     scene = SCENES[name]()
     there = simulation(scene, where)
     ours = finish(there)
-    assert apart(on_cpu(name), ours) < 1e-10
+    assert apart(on_cpu(name), ours) < (4e-12 if where is REHEARSED else 1e-10)
     assert there.neighbors.rebuilds > 10
     assert np.abs(ours["velocity"] - scene.state.velocity).max() > 0.1
 

@@ -2,7 +2,7 @@
 # Packs what a GPU machine without a network needs into DIR: Warp's CUDA side, the small wheels that gpudem needs
 # beside NumPy, SciPy, pandas, matplotlib and psutil, the sources, and those of COMMIT to compare with.
 #
-#   tools/gpu/pack.sh DIR [COMMIT]        5 minutes of one core the first time, seconds after that
+#   tools/gpu/pack.sh DIR [COMMIT]        3 minutes of one core the first time, seconds after that
 #
 #   ARCH=90       architecture of the card: 90 for H100, H200 and GH200; code for others is left out
 #   MOST=60       the pack may have so many MiB; more is an error
@@ -29,7 +29,7 @@ if [ ! -s "$warp" ]; then
         --exclude='warp/native/*.cpp' --exclude='warp/native/*.cu' warp) | tar -C "$work" -xf - # headers: for NVRTC
     "$python" "$root/tools/gpu/trim.py" "$work/warp/bin/warp.so" "$arch"
     rm -f "$dir"/warp-*.tar.xz
-    tar -C "$work" -cf - warp | xz -T1 --x86 --lzma2=preset=9e,dict=128MiB -c > "$work/warp.tar.xz"
+    tar -C "$work" -cf - warp | xz -T1 --x86 --lzma2=preset=6,dict=128MiB -c > "$work/warp.tar.xz"
     mv "$work/warp.tar.xz" "$warp"
 fi
 
