@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
 
 from gpudem.scene import Lattice
+from gpudem.scene.distributions import Lognormal
 from gpudem.scene.packing import InitialState, lattice
 
 INDEX = {"ps": 0, "steel": 1}
@@ -125,3 +126,37 @@ def test_a_box_without_end() -> None:
     """Places of the lattice beyond what an integer counts. Catches an overflow for a long domain."""
     state = lattice(recipe(count=7, lo=(0.0, 0.0, 0.0), hi=(1e17, 1e17, 1.0)), INDEX)
     assert np.ptp(state.position[:, 1:], axis=0) == pytest.approx(0, abs=32)  # one row; 16 m between numbers
+
+
+@pytest.mark.parametrize("by", ["number", "mass"])
+def test_radii_of_a_distribution(by: str) -> None:
+    """A lattice draws the radii of a distribution by its seed, apart by the largest drawn.
+
+    Detects: another distribution than stated, shares by number for shares by mass, a lattice for the mean
+    radius, a seed without effect.
+    """
+    size = {"kind": "lognormal", "median": 0.001, "sigma": 0.3, "lo": 5e-4, "hi": 0.003, "by": by}
+    p = recipe(radius=size, count=4000, hi=(0.2, 0.2, 0.2), jitter=0.5)
+    state = lattice(p, INDEX)
+    assert isinstance(p.radius, Lognormal)
+    error = np.std(state.radius) / np.sqrt(len(state))
+    assert abs(state.radius.mean() - p.radius.moment(1)) < 5 * error
+    gap = pdist(state.position[:500]) - pdist(state.radius[:500, None], lambda a, b: float(a[0] + b[0]))
+    assert gap.min() > 0
+    columns = np.unique(
+        np.round(lattice(recipe(radius=size, count=60, jitter=0.0), INDEX).position[:, 0], 12)
+    )
+    drawn = lattice(recipe(radius=size, count=60, jitter=0.0), INDEX).radius
+    assert np.diff(columns).min() == pytest.approx(2 * 1.05 * drawn.max())
+    again, other = lattice(p, INDEX), lattice(p.model_copy(update={"seed": 1}), INDEX)
+    assert np.array_equal(state.radius, again.radius)
+    assert not np.array_equal(state.radius, other.radius)
+
+
+def test_a_lattice_that_cannot_hold_the_largest_says_so() -> None:
+    """Detects: a message that does not name the radius that sets the pitch."""
+    size = {"kind": "uniform", "lo": 0.001, "hi": 0.02}
+    with pytest.raises(
+        ValueError, match=r"count = 300 does not fit: .* diameters of the largest particle, radius"
+    ):
+        lattice(recipe(radius=size), INDEX)

@@ -133,7 +133,7 @@ ROWS: list[tuple[str, dict[str, Any], list[str]]] = [
     ("jitter without a gap", {"particles": {**LATTICE, "spacing": 1.0}},
         ["particles.jitter = 0.9: no effect with spacing = 1, which leaves no gap; state jitter = 0"]),
     ("seed of nothing", {"particles": {**LATTICE, "jitter": 0.0, "seed": 3}},
-        ["particles.seed = 3: no effect, nothing is random without jitter, mixture or velocity_rms"]),
+        ["particles.seed = 3: no effect, nothing is random without jitter, several radii or velocity_rms"]),
     ("seed of velocities", {"particles": {**LATTICE, "jitter": 0.0, "seed": 3, "velocity_rms": 0.1}}, []),
     ("radius of no particle",
         {"particles": {**LATTICE,

@@ -228,7 +228,8 @@ def _sections(loc: tuple[Any, ...], model: type[BaseModel]) -> list[type[BaseMod
     """The sections that a location may point to; of a union's members, that of the tag named."""
     models = [model]
     for part in loc:
-        if isinstance(part, int):
+        if isinstance(part, int):  # of a list of sections, or of one section beside it, such as a mixture
+            models = [m for m in models if m.model_fields and not _tag(m)] or models
             continue
         tagged = [m for m in models if part in (_own_tag(m) or _tag(m))]
         fields = [x.model_fields[part] for x in models if part in x.model_fields]

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from gpudem.scene import distributions
+
 if TYPE_CHECKING:
     from gpudem.scene.sections import Explicit, Lattice
     from gpudem.scene.types import Vector
@@ -118,6 +120,8 @@ class InitialState:
 def lattice(p: Lattice, index: dict[str, int]) -> InitialState:
     """A cubic lattice of `spacing` largest diameters filling lo..hi layer by layer in z, with random shifts.
 
+    Radii of a distribution are drawn first, and the largest drawn counts.
+
     The lattice is centred in x and y; a shift below the free gap leaves no overlap. Raises ValueError
     where `count` does not fit.
     """
@@ -127,14 +131,16 @@ def lattice(p: Lattice, index: dict[str, int]) -> InitialState:
         radius = rng.choice([r.radius for r in p.radius], size=p.count, p=shares / shares.sum())
         largest = max(r.radius for r in p.radius)
     else:
-        radius, largest = np.full(p.count, p.radius), p.radius
+        radius = distributions.draw(p.radius, rng, p.count)
+        largest = float(radius.max())  # mutate: largest_of_lattice
     pitch = 2 * largest * p.spacing
     lo, hi = np.array(p.lo), np.array(p.hi)
     cells = [max(0, math.floor((b - a) / pitch + 1e-9)) for a, b in zip(lo, hi, strict=True)]
     if math.prod(cells) < p.count:
         raise ValueError(
             f"count = {p.count} does not fit: lo..hi holds {math.prod(cells)} places"
-            f" ({cells[0]} x {cells[1]} x {cells[2]}) at a pitch of {pitch:g} m"
+            f" ({cells[0]} x {cells[1]} x {cells[2]}) at a pitch of {pitch:g} m, {p.spacing:g} diameters of"
+            f" the largest particle, radius {largest:g} m"
         )
     k, (nx, ny) = np.arange(p.count), [min(c, p.count) for c in cells[:2]]
     grid = np.stack([k % nx, k // nx % ny, k // (nx * ny)], axis=1)

@@ -179,11 +179,11 @@ def _particles(scene: Scene) -> Iterator[str]:
             f"particles.jitter = {particles.jitter:g}: no effect with spacing = 1, which leaves no gap;"
             " state jitter = 0"
         )
-    mixed = isinstance(particles.radius, tuple)
+    mixed = not isinstance(particles.radius, float)
     if particles.seed and not (shifted or mixed or particles.velocity_rms):
         yield (
-            f"particles.seed = {particles.seed}: no effect, nothing is random without jitter, mixture or"
-            " velocity_rms"
+            f"particles.seed = {particles.seed}: no effect, nothing is random without jitter, several radii"
+            " or velocity_rms"
         )
     if isinstance(particles.radius, tuple):
         drawn = set(np.unique(scene.state.radius).tolist())

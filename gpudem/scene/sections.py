@@ -21,6 +21,7 @@ from pydantic import (
 )
 
 from gpudem.output import observables
+from gpudem.scene.distributions import Size
 from gpudem.scene.files import nearest
 from gpudem.scene.types import (
     Flag,
@@ -207,13 +208,13 @@ class Lattice(Model):
     hi: Annotated[Vector, vector("m")]
     """Upper corner [m]."""
     radius: Annotated[
-        Annotated[float, RADIUS, Tag("<one>")]
+        Annotated[Size, Tag("<one>")]
         | Annotated[tuple[RadiusShare, ...], Field(min_length=1), Tag("<mixture>")],
         Discriminator(lambda radius: "<mixture>" if isinstance(radius, list | tuple) else "<one>"),
     ]
-    """One radius [m], or a mixture."""
+    """One radius [m], a mixture, or a distribution of radii as of `[[insert]]`, drawn by the seed."""
     spacing: Annotated[float, number("largest diameters", 1)] = 1.05
-    """Distance of neighboring lattice sites [largest diameters]."""
+    """Distance of neighboring lattice sites [largest diameters]; of a distribution the largest drawn."""
     jitter: Annotated[float, number("free gap", 0, 1)] = 0.9
     """Random shift as a share of the gap between lattice neighbors [1]; below 1 nothing overlaps."""
     velocity_rms: Annotated[float, number("m/s", 0)] = 0.0
