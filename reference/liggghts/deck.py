@@ -100,7 +100,7 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "most_triangles": max((len(mesh.corners) for mesh in scene.meshes), default=0),
         "triangles_in_list": TRIANGLES_IN_LIST,
         "boundary": " ".join("p" if p else "f" for p in scene.domain.periodic),
-        "beyond": removal.beyond(scene), "planes": flow.formulas(scene),
+        "watched": removal.watched(scene), "beyond": removal.beyond(scene), "planes": flow.formulas(scene),
         "checked_every": removal.checked_every(thermo_stride(scene)),
         "soft": any(m.young < SOFT for m in scene.materials.values()),
         "properties": properties(scene), "model": model(scene), "switches": switches(scene),

@@ -185,8 +185,8 @@ def history(scene: Scene, blocks: list[list[str]], raw: Path) -> pandas.DataFram
     centre = np.stack([column[f"centre_{a}"] for a in "xyz"], axis=1)
     column["time"] = column["step"] * scene.time.step
     mass = _mass(scene, column["step"])
+    removal.check(scene, column)
     if scene.exits:
-        removal.check(scene, column)
         come = np.array([scene.count_at(int(step)) for step in column["step"]])
         column |= removal.history(scene, column, come, mass)
         mass = column["mass"]

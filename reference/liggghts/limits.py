@@ -11,7 +11,7 @@ from gpudem.scene.mesh import Mesh
 from gpudem.scene.motion import Servo
 from gpudem.scene.wall_phases import belts_that_change
 from gpudem.scene.walls import Wall
-from reference.liggghts import flow, groups, removal, wall_loads
+from reference.liggghts import flow, groups, mesh_reach, removal, wall_loads
 from reference.liggghts.contact_model import laws_of, pairs_of
 from reference.liggghts.errors import LiggghtsCannotState
 from reference.liggghts.insertion import MOST
@@ -200,6 +200,7 @@ def _cylinder(wall: Wall) -> Iterator[str]:
 
 def _mesh(scene: Scene, mesh: Mesh) -> Iterator[str]:
     """What LIGGGHTS has no words for, after the name of the mesh."""
+    yield from mesh_reach.problems(scene, mesh.name)
     if mesh.motion and mesh.surface_velocity is not None:
         yield ".surface_velocity: LIGGGHTS has no belt on a mesh that moves"
     for k, motion in enumerate(mesh.motion):

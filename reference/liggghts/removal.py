@@ -3,7 +3,8 @@
 At a side of boundary `f` a particle is dropped by the first rebuild of the list that finds its center beyond;
 `thermo_modify lost ignore` lets the run go on. At the other sides of such a scene the box is larger than the
 domain by the way of `checked_every` steps at the guard's largest speed, and as often the particles beyond the
-domain are counted. (Boundaries that grow, `m`, have `insert/pack` draw other places.)
+domain are counted. (Boundaries that grow, `m`, have `insert/pack` draw other places.) The box is larger too
+where meshes come beyond closed sides (`mesh_reach`), and particles beyond the domain are counted likewise.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from gpudem.scene import Scene
+from reference.liggghts import mesh_reach
 from reference.liggghts.errors import LiggghtsFailed
 from reference.liggghts.walls import number
 
@@ -26,6 +28,11 @@ def problems(scene: Scene) -> list[str]:
     ]
 
 
+def watched(scene: Scene) -> bool:
+    """Whether particles beyond closed sides are counted: the box is much larger than the domain there."""
+    return bool(scene.exits) or bool(mesh_reach.beyond(scene))
+
+
 def checked_every(stride: int) -> int:
     """Steps between two counts of the particles beyond closed sides; `stride`: those between thermo lines."""
     return max(d for d in range(1, min(stride, MOST_STEPS) + 1) if stride % d == 0)
@@ -39,11 +46,13 @@ def box(scene: Scene) -> list[tuple[float, float]]:
     """
     radius, found = float(scene.state.radius.max()), []
     margin = (MOST_STEPS + 1) * radius if scene.exits else 0.1 * radius
+    of_meshes = mesh_reach.beyond(scene)
     sides = zip("xyz", scene.domain.lo, scene.domain.hi, scene.domain.periodic, strict=True)
     for axis, lo, hi, periodic in sides:
         if not periodic:
-            lo = lo if f"{axis}lo" in scene.domain.sides else lo - margin
-            hi = float(np.nextafter(hi, np.inf)) if f"{axis}hi" in scene.domain.sides else hi + margin
+            below, above = (margin + of_meshes.get(f"{axis}{end}", 0.0) for end in ("lo", "hi"))
+            lo = lo if f"{axis}lo" in scene.domain.sides else lo - below
+            hi = float(np.nextafter(hi, np.inf)) if f"{axis}hi" in scene.domain.sides else hi + above
         found.append((lo, hi))
     return found
 
@@ -60,19 +69,19 @@ def beyond(scene: Scene) -> str:
 
 
 def columns(scene: Scene) -> list[str]:
-    """Columns of a thermo line where particles leave: mass, and particles beyond closed sides on average."""
-    return ["mass", "beyond"] if scene.exits else []
+    """Columns of a thermo line: mass where particles leave, particles beyond closed sides on average."""
+    return [*["mass"] * bool(scene.exits), *["beyond"] * watched(scene)]
 
 
 def check(scene: Scene, column: dict[str, np.ndarray]) -> None:
     """Raises LiggghtsFailed where a particle was beyond a side that is not open."""
-    bad = column["beyond"] > 0
+    bad = column.get("beyond", np.zeros(1)) > 0
     if bad.any():
         step = int(column["step"][np.argmax(bad)])
         names = ", ".join(stated.name for stated in scene.exits)
         raise LiggghtsFailed(
             f"a particle left the domain through a side that is not open, in or before step {step};"
-            f" open: {names}"
+            f" open: {names or 'none'}"
         )
 
 
