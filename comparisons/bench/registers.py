@@ -18,13 +18,30 @@ from gpudem.solver.step_kernel import step_kernel
 
 @dataclasses.dataclass(frozen=True)
 class KernelResources:
-    """Of one thread: registers; bytes spilled to local memory; bytes of stack; 16-byte loads and stores."""
+    """Of one thread: registers; bytes spilled to local memory; bytes of stack; 16-byte loads and stores.
+
+    Of a block: bytes of shared memory.
+    """
 
     registers: int
     spill_bytes: int
     stack_bytes: int
     wide_loads: int
     wide_stores: int
+    shared_bytes: int
+
+    def occupancy(self, threads: int) -> float:
+        """Share of the 2048 threads of a multiprocessor of sm_90 that are in flight in blocks of so many.
+
+        Four parts with 16 384 registers each, given to a warp of 32 threads in units of 256; 32 blocks at
+        most; 228 KiB of shared memory, of which each block takes 1 KiB beside its own (CUDA C++ Programming
+        Guide, compute capability 9.0).
+        """
+        warp_registers = -(-32 * self.registers // 256) * 256
+        warps = 4 * (16384 // warp_registers)
+        blocks = min(32, 2048 // threads, warps // (threads // 32))
+        blocks = min(blocks, 228 * 1024 // (1024 + self.shared_bytes))
+        return blocks * threads / 2048
 
 
 def find_ptxas() -> str | None:
@@ -38,9 +55,9 @@ def find_ptxas() -> str | None:
     return shutil.which("ptxas")
 
 
-def step_kernel_resources(spec: Spec, architecture: int = 90) -> KernelResources:
-    """`kernel_resources` of the step kernel of a Spec."""
-    return kernel_resources(step_kernel(spec), architecture)
+def step_kernel_resources(spec: Spec, architecture: int = 90, plain: bool = False) -> KernelResources:
+    """`kernel_resources` of the step kernel of a Spec; `plain`: of the one without set-up and output."""
+    return kernel_resources(step_kernel(spec, plain), architecture)
 
 
 def kernel_resources(kernel: Any, architecture: int = 90) -> KernelResources:
@@ -79,4 +96,5 @@ def kernel_resources(kernel: Any, architecture: int = 90) -> KernelResources:
         stack_bytes=number(r"(\d+) bytes stack frame"),
         wide_loads=len(re.findall(r"\bld\.global\.nc\.(v2\.f64|v4\.f32)\b", text)),
         wide_stores=len(re.findall(r"\bst\.global\.(v2\.f64|v4\.f32)\b", text)),
+        shared_bytes=number(r"(\d+) bytes smem") if "bytes smem" in entry else 0,
     )

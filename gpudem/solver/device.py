@@ -43,7 +43,7 @@ def compile_kernels(device: Any, kernels: Iterable[Any]) -> None:
     """Compile the modules of kernels for a device, or load them from Warp's cache, several at a time."""
     modules = list(dict.fromkeys(kernel.module for kernel in kernels))
     with quiet():
-        wp.force_load(device, modules, block_dim=1 if device.is_cpu else 256, max_workers=cores())
+        wp.force_load(device, modules, max_workers=cores())  # with the threads a block that each states
 
 
 def cores() -> int:

@@ -91,7 +91,9 @@ class Solver:
         self.neighbors.when = self._next_step_in_words
         self.neighbors.on_leave = self._let_go
         self.departures = Departures(scene)
-        self.kernel = step_kernel(self.spec)
+        self.kernel = self.plain_kernel = step_kernel(self.spec)
+        if not self.spec.half_list and (self.device.is_cuda or self.rebuild_in_graph):
+            self.plain_kernel = step_kernel(self.spec, plain=True)
         self._launches: dict[tuple[int, int, int], Callable[[], None]] = {}
         self._graphs: dict[tuple[int, int], Any] = {}
         self.step_count = 0
@@ -178,7 +180,7 @@ class Solver:
 
     def _compile(self) -> float:
         begin = time.perf_counter()
-        compile_kernels(self.device, (self.kernel, *self.neighbors.kernels.values()))
+        compile_kernels(self.device, (self.kernel, self.plain_kernel, *self.neighbors.kernels.values()))
         return time.perf_counter() - begin
 
     def _invalidate_launches(self) -> None:
@@ -449,8 +451,11 @@ class Solver:
                 state.allocate_output()
             output = state.output if state.output is not None else state.types.StepOutput()
             inputs = [mode, launch, self.laws, self.walls, state.now]
+            kernel = self.plain_kernel
+            if mode:  # mutate: kernel_of_mode
+                kernel = self.kernel
             self._launches[key] = self.pool.record_launch(
-                self.kernel, self.params, inputs, [state.particles, state.next, output]
+                kernel, self.params, inputs, [state.particles, state.next, output]
             )
         self._written = self.state.now
         self._launches[key]()

@@ -31,6 +31,7 @@ from gpudem.solver.geometry import (
     wall_procedure,
 )
 from gpudem.solver.held_particles import held_particles
+from gpudem.solver.launch_bounds import THREADS, blocks_in_flight
 from gpudem.solver.list_layout import list_places
 from gpudem.solver.mesh_contacts import mesh_contacts, triangle_apart, wall_entry
 from gpudem.solver.spec import Spec
@@ -367,8 +368,14 @@ def step_end(spec: Spec) -> Any:
 
 
 @functools.cache
-def step_kernel(spec: Spec) -> Any:
-    """The step kernel of one Spec."""
+def step_kernel(spec: Spec, plain: bool = False) -> Any:
+    """The step kernel of one Spec; `plain`: without what only set-up and output need, for steps of mode 0.
+
+    The plain one, for CUDA, keeps to the registers that `launch_bounds` leaves a thread.
+    """
+    options: dict[str, Any] = {} if spec.half_list else {"module_options": {"block_dim": THREADS}}
+    if plain:
+        options |= {"launch_bounds": (THREADS, blocks_in_flight(spec)), "enable_cuda_smem_spilling": True}
     t = structs(spec.precision)
     real, vec3, wide, wide3 = t.real, t.vec3, t.wide, t.wide3
     Params, Particles, Walls, StepOutput, Laws = (
@@ -405,12 +412,12 @@ def step_kernel(spec: Spec) -> Any:
     note, act = wall_action(spec).note, wall_action(spec).act
     mass_at = effective_mass(spec)
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, **options)
     def step(
         # params
         params: Params,
         begin: wp.int32,
-        mode: wp.int32,
+        asked_mode: wp.int32,
         launch: wp.int32,
         # in
         laws: Laws,
@@ -422,7 +429,7 @@ def step_kernel(spec: Spec) -> Any:
         after: wp.array[Body],
         output: StepOutput,
     ):
-        i = begin + wp.tid()
+        i, mode = begin + wp.tid(), asked_mode & wp.static(0 if plain else SETUP | WRITE)
         if get_int(particles.rebuild_pending, launch) != 0:  # an earlier launch made the list out of date
             particles.rebuild_pending[launch + 1] = 1
             return

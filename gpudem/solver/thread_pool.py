@@ -64,6 +64,7 @@ class CpuThreadPool:
                 inputs=[params, begin, *inputs],
                 outputs=outputs,
                 device=self.device,
+                block_dim=kernel.module.options["block_dim"],
                 record_cmd=True,
             )
             for begin, end in self.slices

@@ -93,6 +93,23 @@ def test_again_to_the_last_bit(where):
 
 
 @DEVICES
+def test_output_changes_nothing(where):
+    """To the last bit. Catches a kernel of plain steps that rounds otherwise than that of steps with output,
+    or that leaves something out which the next step needs.
+    """
+    scene = SCENES["friction"]()
+    once, other = finish(simulation(scene, where)), simulation(scene, where)
+    other.start()
+    while other.step_count < scene.n_steps - 60:
+        other.advance(40)
+        other.write_step()
+        other.write_step()
+    other.advance(scene.n_steps - 1 - other.step_count)
+    other.write_step(last=True)
+    same(once, other.frame())
+
+
+@DEVICES
 def test_a_list_that_grows_within_a_graph(where):
     """Catches a graph that writes beyond its list, or goes on pointing at the smaller one."""
     running = simulation(layers(), where)

@@ -5,7 +5,14 @@ Catches CUDA-only compile errors, and a change that pushes a kernel into local m
 
 import pytest
 
-from comparisons.bench.registers import find_ptxas, kernel_resources, step_kernel_resources
+from comparisons.bench.beds import bench_scene
+from comparisons.bench.registers import (
+    KernelResources,
+    find_ptxas,
+    kernel_resources,
+    step_kernel_resources,
+)
+from gpudem.solver.launch_bounds import THREADS, blocks_in_flight
 from gpudem.solver.neighbor_kernels import cell_kernel, count_kernel, fill_kernel, gather_kernel
 from gpudem.solver.removal import exit_kernel
 from gpudem.solver.spec import Spec
@@ -73,6 +80,56 @@ def test_no_spills(spec, registers):
     assert found.spill_bytes == 0
     assert found.stack_bytes == 0
     assert 16 < found.registers <= registers
+
+
+@pytest.mark.parametrize(("precision", "least"), [("mixed", 0.5), ("float64", 0.375), ("float32", 0.5)])
+def test_threads_in_flight_in_the_flowing_bed(precision, least):
+    """A plain step: 64 registers in mixed precision, 80 in float64, nothing spilled to memory.
+
+    Detects a law or an array that takes more registers, a block that takes more shared memory than that of
+    its neighbors leaves, a compiler that ignores the bounds.
+    """
+    found = step_kernel_resources(
+        Spec.of(bench_scene("flowing", 10_000, 1, solver={"precision": precision})), plain=True
+    )
+    assert found.spill_bytes == found.stack_bytes == 0
+    assert found.occupancy(THREADS) >= least
+    assert found.registers <= {"mixed": 64, "float64": 80, "float32": 64}[precision]
+
+
+@pytest.mark.parametrize("precision", ["mixed", "float64", "float32"])
+@pytest.mark.parametrize(
+    "given",
+    [
+        {},
+        {**EVERYTHING, "normal": "hooke"},
+        {**EVERYTHING, "rolling": "epsd", "cohesion": "sjkr"},
+        {**FULL, "normal": "jkr", "long_range": True},
+        {**FULL, "held": True, "moved_groups": True},
+        {**FULL, "integrator": "path"},
+        MESH,
+        {**MESH, "meshes": "liggghts"},
+    ],
+    ids=["frictionless", "everything", "sjkr with epsd", "jkr", "groups", "path", "mesh", "mesh liggghts"],
+)
+def test_plain_steps_keep_their_blocks_in_flight_without_spills(given, precision):
+    """Detects bounds that a scene's laws do not fit into."""
+    spec = Spec(precision=precision, **given)
+    found = step_kernel_resources(spec, plain=True)
+    assert found.spill_bytes == found.stack_bytes == 0
+    assert found.occupancy(THREADS) >= blocks_in_flight(spec) * THREADS / 2048
+
+
+def test_occupancy_of_known_kernels():
+    """As Nsight Compute gave them on an H100: 76 registers 37 %, 94 registers 25 %, both with 256 threads."""
+
+    def occupancy(registers: int, threads: int, shared: int = 0) -> float:
+        return KernelResources(registers, 0, 0, 0, 0, shared).occupancy(threads)
+
+    assert occupancy(76, 256) == 0.375
+    assert occupancy(94, 256) == 0.25
+    assert occupancy(32, 128) == 1.0
+    assert occupancy(64, 128, 56 * 1024) == 4 * 128 / 2048
 
 
 @pytest.mark.parametrize(

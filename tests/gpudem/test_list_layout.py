@@ -8,6 +8,7 @@ from gpudem.solver.list_layout import first_places, packed, places, spread
 from gpudem.solver.solver import Solver
 from gpudem.solver.spec import Spec
 from tests.gpudem.beds import falling_bed, finish, same
+from tests.gpudem.on_cpu import apart
 from tests.gpudem.test_mesh_everything import mesh, sides
 
 SHORT = {"step": 2e-5, "duration": 0.016}
@@ -69,6 +70,15 @@ def test_the_device_lays_a_list_out_as_the_host_does(running):
     assert (p.neighbor.numpy()[at] == expected["neighbor"][at]).all()
     assert len(set(np.unique(p.count.numpy()))) > 5
     assert np.count_nonzero(p.neighbor.numpy()[at] < 0) > 100
+
+
+@pytest.mark.parametrize("rule", ["unique", "liggghts"])
+def test_triangles_of_a_full_list_are_those_of_a_half_list(rule):
+    """Before rounding has grown. Detects triangles within reach that are looked for at other places."""
+    scene = bed([mesh(sides("xyz"))], contact={"mesh_contacts": rule})
+    half, full = (finish(Solver(scene, half_list=choice)) for choice in (True, False))
+    assert apart(half, full) < 1e-9
+    assert np.abs(full["angular_velocity"]).max() > 1
 
 
 def test_padding_is_never_read(running):

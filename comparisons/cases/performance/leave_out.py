@@ -81,22 +81,26 @@ def array_table(results: kit.Results) -> kit.Rows:
 
 
 def kernel_table(results: kit.Results) -> kit.Rows:
-    """Registers and spills of the step kernel of both scenes, compiled for sm_90."""
+    """Registers, spills and occupancy of a step without output in both scenes, compiled for sm_90."""
     from comparisons.bench.registers import find_ptxas, step_kernel_resources
+    from gpudem.solver.launch_bounds import THREADS
     from gpudem.solver.spec import Spec
 
     if find_ptxas() is None:
         return [{"note": "left out: no ptxas here (pip install 'gpudem[registers]')"}]
     rows = []
     for label, run in zip((PLAIN, FULL), _both(results), strict=True):
-        for precision in ("float64", "float32"):
+        for precision in ("float64", "mixed", "float32"):
+            spec = Spec.of(run.scene.replace(solver={"precision": precision}))
             try:
-                found = step_kernel_resources(Spec.of(run.scene.replace(solver={"precision": precision})))
+                found = step_kernel_resources(spec, plain=True)
             except GpudemError as error:  # an older assembler than Warp's PTX: a fact about this machine
                 return [{"note": f"{str(error).splitlines()[0]}; pip install 'gpudem[registers]'"}]
             rows.append({
                 "scene": label, "precision": precision, "registers": found.registers,
                 "spilled [B]": found.spill_bytes, "stack [B]": found.stack_bytes,
+                "shared memory of a block [B]": found.shared_bytes,
+                "threads in flight [%]": f"{100 * found.occupancy(THREADS):.1f}",
             })  # fmt: skip
     return rows
 
@@ -179,7 +183,11 @@ CASE = kit.Case(
             array_table,
         ),
         kit.Table(
-            "Step kernel on sm_90", "Registers of a thread, bytes spilled; no GPU needed.", kernel_table
+            "Step kernel on sm_90",
+            "Of steps without output: registers of a thread, bytes spilled to memory, shared memory of a"
+            " block of 128 threads, and how many threads are in flight of those that a multiprocessor could"
+            " hold; no GPU needed.",
+            kernel_table,
         ),
     ),
     features=("leaving out", "CUDA compile"),
