@@ -127,9 +127,14 @@ def resume(directory: Path, device: str, threads: int | None, quiet: bool) -> in
 @app.command()
 @SCENE
 @click.option(
-    "--until", type=click.Choice(["settled", "end"]), default="settled", show_default=True,
-    help="When the particles rest, or at the end of the run.",
+    "--until", type=click.Choice(["settled", "end", "full"]), default="settled", show_default=True,
+    help="When the particles rest, or at the end of the run; with --grow, full: as many as fit.",
 )  # fmt: skip
+@click.option(
+    "--grow",
+    is_flag=True,
+    help="No run: the particles of an [[insert]] of kind pack grow in its region, to a dense random packing.",
+)
 @click.option(
     "--fraction", type=click.FloatRange(1e-6, 1), default=1e-3, show_default=True,
     help="Rest: the mean energy of a particle is below that of a fall of this fraction of a radius.",
@@ -138,10 +143,16 @@ def resume(directory: Path, device: str, threads: int | None, quiet: bool) -> in
 @THREADS
 @click.option("--out", type=click.Path(path_type=Path), default=Path("bed.npz"), show_default=True)
 @QUIET
-def pack(scene: Path, out: Path, until: str, quiet: bool, **options: Any) -> int:
+def pack(scene: Path, out: Path, until: str, grow: bool, quiet: bool, **options: Any) -> int:
     """Run a scene until its particles rest, and keep them as a file that [particles] path reads."""
     from comparisons.cli import scene_commands as cli_scene
 
+    if grow:
+        if until == "end":
+            raise click.UsageError("--until end: nothing is run with --grow")
+        return cli_scene.grow(scene, out, until == "full", quiet)
+    if until == "full":
+        raise click.UsageError("--until full: has no meaning without --grow")
     return cli_scene.pack(scene, out, until == "settled", quiet, **options)
 
 

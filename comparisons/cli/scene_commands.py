@@ -18,6 +18,9 @@ from gpudem.output.run import Run
 from gpudem.scene import Scene
 from gpudem.scene import checks as scene_checks
 
+#: Parts in which the progress of a growth is told.
+GROWTH_STEPS = 1000
+
 
 class RunError(GpudemError):
     """A code could not run a valid scene."""
@@ -187,6 +190,33 @@ def pack(path: Path, out: Path, until_settled: bool, quiet: bool, fraction: floa
             f"warning: they still move at the end of the run; a longer time.duration, or a fraction above"
             f" {fraction:g}, would let them settle", err=True,
         )  # fmt: skip
+    return 0
+
+
+def grow(path: Path, out: Path, full: bool, quiet: bool) -> int:
+    """Make a dense packing by growth and write it. Raises RunError."""
+    from gpudem import growth
+
+    scene = Scene.from_file(path)
+    if out.suffix != ".npz":
+        raise GpudemError(f"--out {out}: must end in .npz, which particles.path reads")
+    reporter = progress.reporter(quiet)
+    pace = reporter.begin(scene.name, len(scene.state), GROWTH_STEPS)
+    try:
+        made = growth.grow(
+            scene, full=full, progress=lambda share: reporter.step(pace, int(GROWTH_STEPS * share))
+        )
+    except GpudemError as error:
+        raise RunError(f"{path}: {error}") from error
+    finally:
+        reporter.end(pace)
+        reporter.close()
+    made.write(out)
+    left_out = f"; {made.left_out} of the statement do not fit" if made.left_out else ""
+    click.echo(
+        f"{len(made.radius)} particles, packing fraction {made.fraction:.4f}, overlaps up to"
+        f" {made.overlap:.2g} of the radius{left_out}\n{out}"
+    )
     return 0
 
 

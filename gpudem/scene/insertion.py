@@ -137,7 +137,7 @@ def read(scene: Scene) -> list[ParticleFile]:
                 found = insert.read(scene.material_index)
             else:
                 flight = flight or _flight(scene, lists)
-                found = insert.resolve(_surroundings(scene, k, flight))
+                found = insert.resolve(surroundings(scene, k, flight))
                 _require_apart(scene, lists, found, k)
         except (ValueError, KeyError) as error:
             raise ValueError(f"insert[{k}].{error}") from None
@@ -172,13 +172,19 @@ def _require_apart(scene: Scene, lists: list[ParticleFile], found: ParticleFile,
                 )
 
 
-def _surroundings(scene: Scene, number: int, flight: Flight) -> Surroundings:
-    """What a source needs of its scene."""
+def surroundings(scene: Scene, number: int, flight: Flight | None = None) -> Surroundings:
+    """What a source needs of its scene; by default without particles in its way."""
     domain, time = scene.domain, scene.time
     # a step as long as the run stands for one that is still to be found (step = "auto")
     step = time.step if time.step < time.duration else 0.0
     return Surroundings(
-        scene.materials, step, time.duration, np.array(domain.lo), np.array(domain.hi), number, flight
+        scene.materials,
+        step,
+        time.duration,
+        np.array(domain.lo),
+        np.array(domain.hi),
+        number,
+        flight or _flight(scene, []),
     )
 
 

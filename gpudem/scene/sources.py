@@ -324,7 +324,7 @@ class InsertPack(Source):
         around.require_inside("region", self.region)
         inserter = _Inserter(self, self.region, around)
         drawn, volume = inserter.drawn, self.region.volume
-        count = self._draw(drawn, volume)
+        count = self.draw(drawn, volume)
         volumes = 4 / 3 * np.pi * drawn.radius[:count] ** 3
         rows = np.arange(count)
         fitted = FILLING * volume
@@ -341,7 +341,7 @@ class InsertPack(Source):
             hint = "until the end of the run; a shorter interval, or particles that leave faster, would"
         return inserter.result(count, rows, hint)
 
-    def _draw(self, drawn: _Drawn, volume: float) -> int:
+    def draw(self, drawn: _Drawn, volume: float) -> int:
         """Draw what is requested; how many particles. Raises ValueError: none, or too many."""
         if self.count is not None:
             drawn.draw(self.count)
@@ -367,6 +367,17 @@ class InsertPack(Source):
         while self.every is not None and (time := self.time + k * self.every) <= around.end:
             yield around.on_step(time)
             k += 1
+
+
+def drawn_for(pack: InsertPack, around: Surroundings) -> tuple[np.ndarray, np.ndarray, np.random.Generator]:
+    """(radii [m], materials, generator for what else is drawn) of all that a pack requests.
+
+    Raises ValueError: none, or too many.
+    """
+    around.require_inside("region", pack.region)
+    drawn = _Drawn(pack, around)
+    count = pack.draw(drawn, pack.region.volume)
+    return drawn.radius[:count], drawn.material[:count], drawn.rng
 
 
 class Rated(Source):
