@@ -57,6 +57,7 @@ class Row:
     rebuilds: int | None = None
     contacts: float | None = None
     array_bytes: float | None = None
+    memory: dict[str, float] | None = None
     moved_bytes: float | None = None
     insertion_share: float | None = None
     """Of the time of stepping [1]; None where nothing is inserted."""
@@ -210,6 +211,22 @@ def memory(rows: list[Row]) -> list[dict[str, Any]]:
     return table
 
 
+def memory_by_purpose(rows: list[Row]) -> list[dict[str, Any]]:
+    """Bytes a particle of gpudem's arrays, by purpose: a column for each bed, device and precision, of its
+    largest number of particles.
+    """
+    largest = {
+        (r.state, r.device, r.precision): r for r in sorted(rows, key=lambda r: r.particles) if r.memory
+    }
+    purposes = dict.fromkeys(p for r in largest.values() for p in r.memory or ())
+    table = [
+        {"bytes a particle": p, **{" ".join(key): (r.memory or {}).get(p) for key, r in largest.items()}}
+        for p in purposes
+    ]
+    total = {" ".join(key): r.array_bytes for key, r in largest.items()}
+    return [*table, {"bytes a particle": "total", **total}] if table else []
+
+
 def scaling(rows: list[Row]) -> list[dict[str, Any]]:
     """Exponent k of seconds per step ~ N^k over the large beds: least squares of logarithms of medians."""
     table = []
@@ -340,7 +357,8 @@ def command(
             f" {row.peak_memory_bytes / 2**20:7.0f} MiB"
         )
         made.write(out)
-    for table in (summary(made.rows, made.bandwidths), scaling(made.rows), memory(made.rows)):
+    tables = (summary(made.rows, made.bandwidths), scaling(made.rows), memory(made.rows))
+    for table in (*tables, memory_by_purpose(made.rows)):
         if table:
             click.echo(pandas.DataFrame(table).to_string(index=False, float_format="{:.2f}".format))
     click.echo(f"written: {out}")

@@ -18,6 +18,7 @@ from comparisons.bench.beds import SKIN
 from comparisons.bench.drum import timed_scene
 from comparisons.bench.insertion import step_through
 from gpudem.solver.list_layout import packed
+from gpudem.solver.memory import bytes_by_purpose
 from gpudem.solver.solver import Solver
 
 
@@ -39,6 +40,8 @@ class Measured:
     """A particle."""
     array_bytes: float
     """On the device, a particle."""
+    memory: dict[str, float]
+    """The same by purpose."""
     moved_bytes: float
     """That a step must read or write at least, a particle."""
     peak_memory_bytes: int
@@ -59,7 +62,7 @@ def measure(
     rebuilds, done = simulation.neighbors.rebuilds, simulation.departures.mean_count(1)
     stepping_s, insertion_s = step_through(simulation, steps - 1)
     rebuilds = simulation.neighbors.rebuilds - rebuilds
-    arrays = sum(simulation.memory_bytes().values()) / particles
+    memory = bytes_by_purpose(simulation.memory_bytes(), particles)
     moved = moved_bytes(simulation)
     simulation.write_step(last=True)
     return Measured(
@@ -67,7 +70,7 @@ def measure(
         particle_steps=simulation.departures.mean_count(steps) * steps - done,
         insertion_s=insertion_s if scene.insert else None, compile_s=simulation.compile_s,
         first_step_s=first_step_s, rebuilds=rebuilds, contacts=simulation.contact_count() / particles,
-        array_bytes=arrays, moved_bytes=moved, peak_memory_bytes=peak_memory(),
+        array_bytes=sum(memory.values()), memory=memory, moved_bytes=moved, peak_memory_bytes=peak_memory(),
     )  # fmt: skip
 
 

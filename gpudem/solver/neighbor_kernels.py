@@ -1,4 +1,4 @@
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportIndexIssue=false, reportInvalidTypeForm=false, reportOperatorIssue=false, reportOptionalCall=false
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportIndexIssue=false, reportInvalidTypeForm=false, reportOperatorIssue=false, reportOptionalCall=false
 """Kernels of a rebuild: cells, sorted order, list of neighbors and walls with skin, contact history.
 
 Rebuilding: cell of each particle -> stable sort -> particle arrays re-ordered -> entries counted, offsets
@@ -35,8 +35,21 @@ from gpudem.solver.state import structs
 from gpudem.solver.wall_frames import wall_frame
 from gpudem.solver.walls import wall_surface
 
-#: Entries of a particle that the count stores for the fill; a particle with more is searched again.
-CACHE_SIZE = wp.constant(24)
+#: Entries of a particle that the count stores for the fill, at most; a particle with more is searched again.
+CACHE_SIZE = 24
+#: As many must fit into the memory of a body for the count to store them there.
+ENTRIES_IN_BODY = 16
+
+
+def cache_in_bodies(spec: Spec) -> bool:
+    """Whether the memory of the bodies before the sort, free at a rebuild, can be the cache."""
+    return wp.types.type_size_in_bytes(body_struct(spec)) // 4 >= ENTRIES_IN_BODY
+
+
+def cache_size(spec: Spec) -> int:
+    """Entries of a particle that the count stores for the fill."""
+    words = wp.types.type_size_in_bytes(body_struct(spec)) // 4
+    return min(words, CACHE_SIZE) if cache_in_bodies(spec) else CACHE_SIZE
 
 
 @wp.func
@@ -192,25 +205,59 @@ def gather_kernel(spec: Spec) -> Any:
     return gather
 
 
+#: Consecutive cells whose starts one thread of `cell_starts` writes at most, but for those of one gap.
+CELL_GROUP = wp.constant(32)
+
+
+def cell_start_threads(n: int, cells: int) -> int:
+    """Threads of `cell_starts`."""
+    return max(n + 1, cells // CELL_GROUP + 1)
+
+
 @wp.kernel(enable_backward=False)
 def cell_starts(
     # in
     n: wp.int32,
+    cells: wp.int32,
     key: wp.array[wp.int32],
     # out
     start: wp.array[wp.int32],
 ):
-    """First particle whose cell is c or later, by bisection of the sorted keys."""
-    c = wp.tid()
-    lo = wp.int32(0)
-    hi = wp.int32(0) + n
-    while lo < hi:
-        mid = (lo + hi) // 2
-        if key[mid] < c:
-            lo = mid + 1
-        else:
-            hi = mid
-    start[c] = lo
+    """First particle whose cell is c or later, for c = 0 .. cells, from the sorted keys.
+
+    Thread i writes those of the cells after the one of particle i - 1, up to the one of particle i. Where
+    particles are far apart that may be most of the domain, so of such a gap it writes only what lies in a
+    group of cells with one of the two particles. Groups without particles are found by bisection, thread g
+    for group g.
+    """
+    i = wp.tid()
+    if i <= n:
+        first, last, near = wp.int32(0), wp.int32(0) + cells, wp.int32(0)
+        if i < n:
+            last = wp.min(key[i], last)
+        if i > 0:
+            first = wp.min(key[i - 1], wp.int32(0) + cells) + 1
+            near = wp.min(((first - 1) // CELL_GROUP + 1) * CELL_GROUP, last + 1)
+        for c in range(first, near):
+            start[c] = i  # mutate: start_before_gap
+        for c in range(wp.max(wp.max(first, near), last // CELL_GROUP * CELL_GROUP), last + 1):
+            start[c] = i  # mutate: start_after_gap
+    begin = i * CELL_GROUP
+    if begin <= cells:
+        lo = wp.int32(0)
+        hi = wp.int32(0) + n
+        while lo < hi:
+            mid = (lo + hi) // 2
+            if key[mid] < begin:
+                lo = mid + 1
+            else:
+                hi = mid
+        empty = lo == n
+        if lo < n:
+            empty = key[lo] >= begin + CELL_GROUP
+        if empty:  # mutate: start_in_gap
+            for c in range(begin, wp.min(begin + CELL_GROUP, cells + 1)):
+                start[c] = lo
 
 
 @wp.kernel(enable_backward=False)
@@ -222,22 +269,19 @@ def check_rebuild(
     staying: wp.array[wp.int32],
     status: wp.array[wp.int64],
     # out
-    list_fits: wp.array[wp.int32],
-    graph_rebuilds: wp.array[wp.int32],
+    rebuild_pending: wp.array[wp.int32],
 ):
-    """Whether a rebuild within a graph may go on to its list; counts it, or says that it is suspended."""
+    """Whether the list may be filled without the host: if not, what follows waits for it."""
     reports = wp.int32(0)
     for k in range(SLOTS):
         if status[k] != wp.int64(NO_REPORT):
             reports += 1
-    list_fits[0] = 0
+    for k in range(rebuild_pending.shape[0]):
+        rebuild_pending[k] = 0
     if staying[0] < present:  # the host lets particles go  # mutate: leaving_in_graph
         reports += 1
-    if reports == 0 and total[0] <= capacity:  # mutate: list_fits
-        list_fits[0] = 1
-        graph_rebuilds[0] = graph_rebuilds[0] + 1
-    else:
-        graph_rebuilds[1] = 1
+    if reports > 0 or total[0] > capacity:  # mutate: list_fits
+        rebuild_pending[0] = 1
 
 
 @functools.cache
@@ -581,6 +625,7 @@ def count_kernel(spec: Spec) -> Any:
     neighbors, Grid = neighbor_search(spec), grid_struct(spec.precision)
     walls_of = wall_search(spec) if spec.has_walls else None
     first_of_equal = place_in_slices(spec.list_slice).first_of_equal
+    room = wp.constant(cache_size(spec))
 
     @wp.kernel(module="unique", enable_backward=False)
     def count_entries(
@@ -601,13 +646,11 @@ def count_kernel(spec: Spec) -> Any:
         status: wp.array[wp.int64],
     ):
         i = begin + wp.tid()
-        base = first_of_equal(i, CACHE_SIZE)
-        found = neighbors(
-            params, particles, grids, key[i], cell_start, i, cache, base, CACHE_SIZE, status
-        )  # fmt: skip
+        base = first_of_equal(i, room)
+        found = neighbors(params, particles, grids, key[i], cell_start, i, cache, base, room, status)
         if wp.static(spec.has_walls):
             neighbor_count[i] = found  # mutate: neighbor_count
-            found = walls_of(params, particles, walls, i, order[i], found, cache, base, CACHE_SIZE, status)
+            found = walls_of(params, particles, walls, i, order[i], found, cache, base, room, status)
         count[i] = found
 
     return count_entries
@@ -624,6 +667,7 @@ def fill_kernel(spec: Spec) -> Any:
     get_int, put_int = access(wp.int32).get, access(wp.int32).put
     places = place_in_slices(spec.list_slice)
     first_in, first_of_equal = places.first, places.first_of_equal
+    cached = wp.constant(cache_size(spec))
 
     @wp.func
     def carry(
@@ -679,10 +723,12 @@ def fill_kernel(spec: Spec) -> Any:
         status: wp.array[wp.int64],
     ):
         i = begin + wp.tid()
+        if get_int(particles.rebuild_pending, 0) != 0:  # the host fills it  # mutate: unfilled_list
+            return
         first, room = first_in(start, i), count[i]
         end = first + wp.static(spec.list_slice) * room
-        if room <= CACHE_SIZE:  # all of them are in the cache: nothing to search
-            shift = first_of_equal(i, CACHE_SIZE) - first
+        if room <= cached:  # all of them are in the cache: nothing to search
+            shift = first_of_equal(i, cached) - first
             for m in range(first, end, wp.static(spec.list_slice)):
                 put_int(neighbor, m, get_int(cache, m + shift))
         else:

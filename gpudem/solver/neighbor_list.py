@@ -1,4 +1,14 @@
-"""The list of neighbors and walls of a run: its buffers, and the rebuild as a sequence of launches."""
+"""The list of neighbors and walls of a run: its buffers, and the rebuild as a sequence of launches.
+
+A rebuild reads one set of arrays and writes another: the arrays that it sorts, the list and the histories of
+its contacts. Afterwards the sets change sides, so nothing is copied. `State.side` counts these changes; a
+launch recorded for one side is not valid for another.
+
+The host either waits for the result (`rebuild`), or launches the whole rebuild and goes on
+(`rebuild_in_graph`). Then a kernel of one thread decides whether the list may be filled. Where something was
+found wrong, where particles leave, or where the list has no room, it sets `rebuild_pending[0]`: the list is
+not filled, and the steps launched after it do nothing, until the host calls `finish_rebuild`.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +27,10 @@ from gpudem.solver import guards
 from gpudem.solver.class_grids import class_grids, grid_struct
 from gpudem.solver.list_layout import slice_widths
 from gpudem.solver.neighbor_kernels import (
-    CACHE_SIZE,
+    cache_in_bodies,
+    cache_size,
     cell_kernel,
+    cell_start_threads,
     cell_starts,
     check_rebuild,
     count_kernel,
@@ -36,7 +48,6 @@ from gpudem.solver.reports import (
     TOO_FAST,
     unpack_report,
 )
-from gpudem.solver.scan import ExclusiveScan, group_starts, group_sums
 from gpudem.solver.state import State
 from gpudem.solver.thread_pool import CpuThreadPool
 
@@ -69,6 +80,11 @@ def layers_of_cells(position: np.ndarray, cell_rate: np.ndarray) -> np.ndarray:
     return np.maximum((high - low) / 0.9 * cell_rate, 1.0)
 
 
+def with_room(entries: int) -> int:
+    """Entries to allocate for a list of so many: it grows by a tenth at a time."""
+    return int(1.1 * entries) + 64
+
+
 def block_size(n: int, layers: float) -> int:
     """Particles of a block of the half list: a power of two blocks, at most 64, of 1000 particles or more.
 
@@ -91,7 +107,6 @@ class NeighborList:
 
     def __init__(self, scene: Scene, state: State, params: Any, pool: CpuThreadPool):
         self.state, self.params, self.pool, self.scene = state, params, pool, scene
-        self._host_rebuilds = 0
         spec, device, n, t = state.spec, state.device, state.n, state.types
         self.walls: Any = t.Walls()
         self.cells = math.prod(params.cells)
@@ -101,19 +116,19 @@ class NeighborList:
             return wp.zeros(count, dtype=wp.int32, device=device)
 
         self._set_grids()
-        self.key, self.order, self.cell_start = integers(2 * n), integers(2 * n), integers(self.cells + 1)
+        # the second half of both is free once the sort is done
+        self.key, self.order = integers(2 * n), integers(2 * n + 1)
+        self.neighbor_count = self.key[n:] if spec.has_walls else None
         slices = -(-n // spec.list_slice)
-        self.start, self.count = integers(slices + 1), integers(n + 1)
-        self.cache = integers(slices * spec.list_slice * CACHE_SIZE)
+        self.cell_start, self.start = integers(self.cells + 1), integers(slices + 1)
+        # a half list needs the lengths no longer than a rebuild lasts
+        self.count = self.order[n:] if spec.half_list else integers(n)
         self.width = self.count if spec.half_list else integers(slices + 1)
         """Room that each slice takes in the list."""
-        self.neighbor_count = integers(n) if spec.has_walls else None
+        self.cache = None if cache_in_bodies(spec) else integers(slices * spec.list_slice * cache_size(spec))
         self.status = wp.full(SLOTS, NO_REPORT, dtype=wp.int64, device=device)
-        self.scan = ExclusiveScan(self.width, self.start)
-        self.list_fits = integers(1)
-        """1: the last search on the device found nothing wrong, and the list has room."""
-        self.graph_rebuilds = integers(2)
-        """Rebuilds within a graph: how many there were; 1: one was suspended half way."""
+        self.rebuilds = 0
+        """How often the list was made anew."""
         self._history_arrays = {
             **({"spring": t.vec3} if spec.spring_history else {}),
             **({"rolling_torque": t.vec3} if spec.rolling_history else {}),
@@ -126,7 +141,7 @@ class NeighborList:
             }  # fmt: skip
         if spec.wall_forces:
             self._scratch_arrays |= {"wall_force": t.vec3, "wall_couple": t.vec3, "wall_point": t.wide3}
-        self.spring = self.rolling_torque = self.rise = None
+        self.neighbor = self.spring = self.rolling_torque = self.rise = None
         self._permuted_arrays = ["id", *(["image"] * any(spec.periodic)), *(["radius"] * spec.polydisperse)]
         self._permuted_arrays += ["mass"] * spec.per_particle_mass + ["material"] * spec.multi_material
         self._permuted_arrays += ["held"] * spec.held + ["origin"] * spec.moved_groups
@@ -138,10 +153,12 @@ class NeighborList:
         self.kernels = self._kernels()
         self.on_leave: Callable[[np.ndarray, np.ndarray], None] = lambda rows, exits: None
         """Called with the rows of the scene and the exits of particles that leave."""
-        self._launches: dict[tuple[str, int], Callable[[], None]] = {}
+        self._launches: dict[tuple[str, int, int], Callable[[], None]] = {}
+        self._graphs: dict[tuple[int, int], Any] = {}
+        """Rebuilds recorded as CUDA graphs, by the side of the bodies and of the list."""
         self.on_reallocate: Callable[[], None] = lambda: None
         self.when: Callable[[], str] = lambda: ""
-        self._allocate((6 if spec.half_list else 12) * n + 64)  # grows where it is denser
+        self._allocate(with_room(0))
 
     def _kernels(self) -> dict[str, Any]:
         spec = self.state.spec
@@ -152,8 +169,6 @@ class NeighborList:
             "fill": fill_kernel(spec),
             "cell_starts": cell_starts,
             "check_rebuild": check_rebuild,
-            "group_sums": group_sums,
-            "group_starts": group_starts,
         }
         if not spec.half_list:
             kernels["slice_widths"] = slice_widths(spec.list_slice)
@@ -175,7 +190,7 @@ class NeighborList:
         for name, dtype in self._scratch_arrays.items():
             setattr(p, name, wp.zeros(capacity, dtype=dtype, device=device))
         self.capacity = capacity
-        self._launches.clear()
+        self.forget_launches()
         self.on_reallocate()
 
     def tuning(self) -> dict[str, Any]:
@@ -193,16 +208,6 @@ class NeighborList:
         return chosen
 
     @property
-    def rebuilds(self) -> int:
-        """How often the list was made anew."""
-        return self._host_rebuilds + int(self.graph_rebuilds.numpy()[0])
-
-    @rebuilds.setter
-    def rebuilds(self, count: int) -> None:
-        self._host_rebuilds = count
-        self.graph_rebuilds.zero_()
-
-    @property
     def entry_arrays(self) -> tuple[str, ...]:
         """Arrays of `state.particles` with one value for each entry of the list."""
         return ("neighbor", *self._history_arrays)
@@ -216,7 +221,7 @@ class NeighborList:
         """Let the list hold so many entries, whose old values are lost."""
         if entries > self.capacity:
             self.rebuilds = 0
-            self._allocate(int(1.2 * entries))
+            self._allocate(with_room(entries))
 
     def set_walls(self, walls: Any) -> None:
         """The walls to look for from now on, in the order that `params` now say; `rebuild` must follow."""
@@ -224,11 +229,12 @@ class NeighborList:
         self._set_grids()
         if len(self.cell_start) != self.cells + 1:
             self.cell_start = wp.zeros(self.cells + 1, dtype=wp.int32, device=self.state.device)
-        self._launches.clear()
+        self.forget_launches()
 
     def forget_launches(self) -> None:
-        """The number of particles has changed: launches are recorded anew; `rebuild` must follow."""
+        """Arrays or the number of particles have changed; a rebuild records its launches anew."""
         self._launches.clear()
+        self._graphs.clear()
 
     def _set_grids(self) -> None:
         """The cells of each size class, for the order of sorting and the blocks that `params` now say."""
@@ -241,34 +247,42 @@ class NeighborList:
     def rebuild(self) -> None:
         """Sort, re-order, list (which grows where needed). Raises SimulationError: lost particle or NaN."""
         self._search()
+        self.rebuilds += 1
         self.finish_rebuild()
 
-    def rebuild_in_graph(self, launch: int) -> None:
-        """The same before a launch of a graph, where a particle requests it; the host does not take part.
+    def rebuild_in_graph(self, graph: bool) -> None:
+        """The same, but the host does not wait for what was found: see `finish_suspended`.
 
-        Afterwards `now` is the array it was, for a graph cannot swap on a condition. Where something is wrong
-        or the list has no room it is suspended half way and `rebuild_pending[launch]` stays: no step is done
-        until `finish_rebuild`.
+        `graph`: as one CUDA graph. Without a memory pool Warp cannot allocate what sort and sum need while it
+        records one; then they are launched one by one.
         """
-        requested = self.state.particles.rebuild_requested[launch : launch + 1]
-        wp.capture_if(requested, on_true=self._graph_rebuild_body, launch=launch)
+        state, device = self.state, self.state.device
+        self.rebuilds += 1
+        if not graph or (device.is_cuda and not device.is_mempool_enabled):
+            self._launch_all()
+            return
+        key = (id(state.now), state.side)
+        if key in self._graphs:
+            wp.capture_launch(self._graphs[key])
+            self._change_sides_of_particles()  # mutate: sides_after_graph
+            self._change_sides_of_list()
+            return
+        with wp.ScopedCapture(device, force_module_load=False) as capture:
+            self._launch_all()
+        self._graphs[key] = capture.graph
+        wp.capture_launch(self._graphs[key])
 
-    def _graph_rebuild_body(self, launch: int) -> None:
+    def _launch_all(self) -> None:
+        state = self.state
         self._search()
-        wp.copy(self.state.next, self.state.now)  # mutate: copy_before_swap
-        self.state.swap()
         wp.launch(
             check_rebuild, 1,
             inputs=[
-                self.state.present, self.capacity, self.start[-1:], self._first_to_leave, self.status,
+                state.present, self.capacity, self.start[-1:], self._first_to_leave, self.status,
             ],
-            outputs=[self.list_fits, self.graph_rebuilds], device=self.state.device,
+            outputs=[state.particles.rebuild_pending], device=state.device,
         )  # fmt: skip
-        wp.capture_if(self.list_fits, on_true=self._fill, launch=launch)
-
-    def is_suspended(self) -> bool:
-        """Whether a rebuild within a graph was suspended half way; `finish_rebuild` must follow."""
-        return bool(self.graph_rebuilds.numpy()[1])
+        self._fill()
 
     def finish_rebuild(self) -> None:
         """The second half of a rebuild, once the host has seen the first: what was found becomes the list.
@@ -280,10 +294,17 @@ class NeighborList:
             self._let_go()
         total = int(self.start[-1:].numpy()[0])
         if total > self.capacity:
-            self._allocate(int(1.2 * total))
+            self._allocate(with_room(total))
+        state = self.state
+        state.particles.rebuild_pending.zero_()
         self._fill()
-        self.graph_rebuilds[1:].zero_()
-        self._host_rebuilds += 1
+        if self.exits is not None and not state.spec.half_list and state.present < state.n:
+            self.count[state.present :].zero_()  # those that left have a length in the old list
+
+    def finish_suspended(self) -> None:
+        """`finish_rebuild` after a `rebuild_in_graph` whose list was not filled."""
+        self._change_sides_of_list()  # back: the old list is still the present one
+        self.finish_rebuild()
 
     @property
     def _first_to_leave(self) -> Any:
@@ -301,7 +322,7 @@ class NeighborList:
 
     def _search(self) -> None:
         """Cells, order, particle arrays in that order, entries counted, places in the list."""
-        state, p = self.state, self.state.particles
+        state = self.state
         self._run("cells")
         last = self.cells
         if self.exits is not None:
@@ -310,57 +331,78 @@ class NeighborList:
         if state.present:
             bits = max(1, last.bit_length())
             wp.utils.radix_sort_pairs(self.key, self.order, state.present, end_bit=bits)
-        wp.launch(
-            cell_starts,
-            self.cells + 1,
-            inputs=[state.present, self.key],
-            outputs=[self.cell_start],
-            device=state.device,
-        )
+        self._run("cell_starts")
         self._run("gather")
-        state.swap()
-        for name in self._permuted_arrays:
-            wp.copy(getattr(p, name), getattr(self.scratch, name))
+        self._change_sides_of_particles()
         self._run("count")
         if not state.spec.half_list:
-            wp.launch(
-                self.kernels["slice_widths"], len(self.width) - 1,
-                inputs=[state.n, self.count], outputs=[self.width], device=state.device,
-            )  # fmt: skip
-        self.scan.run()
+            self._run("slice_widths")
+        wp.utils.array_scan(self.width, self.start, inclusive=False)
 
-    def _fill(self, launch: int | None = None) -> None:
-        """Writes the list, with the history carried over; clears the request of `launch`, or of any."""
-        p = self.state.particles
+    def _fill(self) -> None:
+        """Writes the list, with the history carried over, unless `rebuild_pending[0]` is set."""
         self._run("fill")
-        wp.copy(p.start, self.start)
-        if not self.state.spec.half_list:
-            wp.copy(p.count, self.count, count=self.state.n)  # mutate: length_of_lists
-        for name in self.entry_arrays:
-            wp.copy(getattr(p, name), getattr(self, name))
-        for flags in (p.rebuild_pending, p.rebuild_requested):
-            (flags if launch is None else flags[launch : launch + 1]).zero_()
+        self._change_sides_of_list()
+
+    def _change_sides_of_particles(self) -> None:
+        """The sorted particles become the present ones."""
+        state, p = self.state, self.state.particles
+        state.swap()
+        for name in self._permuted_arrays:
+            before = getattr(p, name)
+            setattr(p, name, getattr(self.scratch, name))
+            setattr(self.scratch, name, before)
+        state.side = state.side ^ 1
+
+    def _change_sides_of_list(self) -> None:
+        """The new list becomes the present one."""
+        state, p = self.state, self.state.particles
+        changed = ["start", *self.entry_arrays]
+        if not state.spec.half_list:
+            changed.append("count")  # mutate: length_of_lists
+        for name in changed:
+            before = getattr(p, name)
+            setattr(p, name, getattr(self, name))
+            setattr(self, name, before)  # mutate: other_side_of_list
+        state.side = state.side ^ 2
 
     def _run(self, name: str) -> None:
         state = self.state
-        key = (name, id(state.now))
+        key = (name, id(state.now), state.side)
         if key not in self._launches:
-            p, now, walls = state.particles, state.now, self.walls
-            cells = [self.grids, self.key, self.cell_start, self.order]
-            of_exits = [self.exits.array, self.exits.until, self.exits.arrival] if self.exits else []
-            lists = [self.neighbor, self.spring, self.rolling_torque, self.rise]
-            inputs, outputs = {
-                "cells": ([self.grids], [p, now, self.key, self.order, self.status]),
-                "leave": ([self.cells, *of_exits, p.id, now], [self.key]),
-                "gather": ([self.order, now, p], [state.next, self.scratch]),
-                "count": ([p, walls, *cells], [self.count, self.neighbor_count, self.cache, self.status]),
-                "fill": (
-                    [walls, *cells, self.start, self.count, self.neighbor_count, self.cache],
-                    [p, *lists, self.status],
-                ),
-            }[name]
-            self._launches[key] = self.pool.record_launch(self.kernels[name], self.params, inputs, outputs)
+            self._launches[key] = self._record(name)
         self._launches[key]()
+
+    def _record(self, name: str) -> Callable[[], None]:
+        state, p, now = self.state, self.state.particles, self.state.now
+        if name in ("cell_starts", "slice_widths"):
+            dim, inputs, output = {
+                "cell_starts": (
+                    cell_start_threads(state.present, self.cells),
+                    [state.present, self.cells, self.key],
+                    self.cell_start,
+                ),
+                "slice_widths": (len(self.width) - 1, [state.n, self.count], self.width),
+            }[name]
+            found = wp.launch(
+                self.kernels[name], dim, inputs=inputs, outputs=[output], device=state.device, record_cmd=True
+            )
+            return found.launch  # pyright: ignore[reportOptionalMemberAccess]
+        cells = [self.grids, self.key, self.cell_start, self.order]
+        of_exits = [self.exits.array, self.exits.until, self.exits.arrival] if self.exits else []
+        lists = [self.neighbor, self.spring, self.rolling_torque, self.rise]
+        cache = state.words_of_next() if self.cache is None else self.cache
+        inputs, outputs = {
+            "cells": ([self.grids], [p, now, self.key, self.order, self.status]),
+            "leave": ([self.cells, *of_exits, p.id, now], [self.key]),
+            "gather": ([self.order, now, p], [state.next, self.scratch]),
+            "count": ([p, self.walls, *cells], [self.count, self.neighbor_count, cache, self.status]),
+            "fill": (
+                [self.walls, *cells, self.start, self.count, self.neighbor_count, cache],
+                [p, *lists, self.status],
+            ),
+        }[name]
+        return self.pool.record_launch(self.kernels[name], self.params, inputs, outputs)
 
     def _check(self) -> None:
         """Raises SimulationError for what a rebuild reported: a lost particle, NaN, a guard."""

@@ -108,8 +108,7 @@ def _particles_struct(real: Any, vec3: Any, wide: Any, wide3: Any) -> Any:
         partial_force: wp.array[vec3]  # from particles before it in its block [N], (n,); half list only
         partial_torque: wp.array[vec3]  # [N m], (n,), likewise
         wall_work: wp.array[wp.float64]  # by moving wall s on the particles at place i [J], at s n + i
-        rebuild_pending: wp.array[wp.int32]  # k + 1: launch k or one before needs a rebuild, (chunk + 1,)
-        rebuild_requested: wp.array[wp.int32]  # k + 1: launch k itself does, (chunk + 1,)
+        rebuild_pending: wp.array[wp.int32]  # k: the launches from k on wait for a rebuild, (chunk + 1,)
 
     return Particles
 
@@ -168,9 +167,16 @@ class State:
         self.present = scene.start_count
         self.walls = len(scene.wall_elements)
         self._stated = self._properties(scene)
-        self.now = wp.array(self._bodies(scene, 0, self.n), dtype=body_struct(spec), device=device)
-        self.next = wp.zeros_like(self.now)
+        body, whole = body_struct(spec), -(-self.n // spec.list_slice) * spec.list_slice
+        self._memory: list[Any] = [wp.zeros(whole, dtype=body, device=device) for _ in range(2)]
+        """Of the bodies now and next, in whole slices of the list: see `words_of_next`."""
+        self.now: Any
+        self.next: Any
+        self.now, self.next = (memory[: self.n] for memory in self._memory)
+        self.now.assign(self._bodies(scene, 0, self.n))
         self.particles = self._particles(scene, chunk, t)
+        self.side = 0
+        """Which of two sets the sorted arrays (bit 0) and the list (bit 1) in `particles` are."""
         self.output: Any = None
         self._views: dict[int, np.ndarray] = {}
 
@@ -205,7 +211,6 @@ class State:
         p.partial_torque = zeros(n, t.vec3, spec.half_list and spec.rotation)
         p.wall_work = zeros(n * len(scene.moving_walls), wp.float64, spec.moving_walls)
         p.rebuild_pending = zeros(chunk + 1, wp.int32)
-        p.rebuild_requested = zeros(chunk + 1, wp.int32)
         return p
 
     def insert(self, scene: Scene, first: int, end: int) -> None:
@@ -238,6 +243,12 @@ class State:
             found["image"] = np.zeros((self.n, 3), np.int32)
         return found
 
+    def words_of_next(self) -> wp.array:
+        """The memory of `next` and its padding as integers: a step writes `next` before it is read."""
+        memory = next(m for m in self._memory if m.ptr == self.next.ptr)
+        words = memory.size * wp.types.type_size_in_bytes(memory.dtype) // 4
+        return wp.array(ptr=memory.ptr, dtype=wp.int32, shape=(words,), device=self.device, copy=False)
+
     def allocate_output(self) -> None:
         """The arrays that output needs, on first use."""
         if self.output is None:
@@ -267,7 +278,7 @@ class State:
         groups = {"particles": self.particles}
         if self.output is not None:
             groups["output"] = self.output
-        found = {"now": self.now, "next": self.next}
+        found: dict[str, wp.array] = {"now": self._memory[0], "next": self._memory[1]}
         for group, struct in groups.items():
             for name in struct._cls.vars:
                 value = getattr(struct, name)

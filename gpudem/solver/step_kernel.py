@@ -362,7 +362,6 @@ def step_end(spec: Spec) -> Any:
         shift = x - get_wide(particles.x_at_rebuild, i)
         if not (wp.dot(shift, shift) <= params.move_limit):  # true for NaN too
             particles.rebuild_pending[launch + 1] = 1  # mutate: ask_rebuild
-            particles.rebuild_requested[launch + 1] = 1
 
     return end_step
 
@@ -431,7 +430,8 @@ def step_kernel(spec: Spec, plain: bool = False) -> Any:
     ):
         i, mode = begin + wp.tid(), asked_mode & wp.static(0 if plain else SETUP | WRITE)
         if get_int(particles.rebuild_pending, launch) != 0:  # an earlier launch made the list out of date
-            particles.rebuild_pending[launch + 1] = 1
+            if i == 0:
+                particles.rebuild_pending[launch + 1] = 1  # mutate: launch_after_trip
             return
         x, v, w = position_of(now, i), velocity_of(now, i), spin_of(now, i)
         radius, mass = radius_of(params, particles, i), mass_of(params, particles, i)
@@ -448,7 +448,6 @@ def step_kernel(spec: Spec, plain: bool = False) -> Any:
         first_wall = last
         if wp.static(spec.has_walls):
             first_wall = get_int(particles.wall_start, i)
-
         for k in range(first, first_wall, wp.static(spec.list_slice)):  # particles
             entry = get_int(particles.neighbor, k)
             j = partner(entry)

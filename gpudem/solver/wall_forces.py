@@ -83,18 +83,18 @@ class WallForces:
         self._force = wp.zeros(count, dtype=wp.vec3d, device=device)
         self._torque = wp.zeros(count, dtype=wp.vec3d, device=device)
         self._references = wp.zeros(state.walls, dtype=wp.vec3d, device=device)
-        self._launch: Any = None
+        self._launches: dict[int, Any] = {}
 
     def forget_launch(self) -> None:
         """Arrays of the state, the particles present or the walls have changed."""
-        self._launch = None
+        self._launches.clear()
 
     def sums(self, params: Any, walls: Any, references: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(force [N], torque [N m] about the references [m]) on each wall: shapes (m, 3)."""
         state = self.state
-        if self._launch is None:
+        if state.side not in self._launches:
             with quiet():  # the first launch compiles
-                self._launch = wp.launch(
+                self._launches[state.side] = wp.launch(
                     sum_kernel(state.spec), self.threads,
                     inputs=[params, self.threads, state.present, state.particles, walls, self._references],
                     outputs=[self._force, self._torque], device=state.device, record_cmd=True,
@@ -103,7 +103,7 @@ class WallForces:
             state.host(self._references)[:] = references
         else:
             self._references.assign(references)
-        self._launch.launch()
+        self._launches[state.side].launch()
         shape = (self.threads, state.walls, 3)
         return tuple(state.host(a).reshape(shape).sum(axis=0) for a in (self._force, self._torque))  # type: ignore[return-value]
 

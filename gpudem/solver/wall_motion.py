@@ -23,15 +23,14 @@ class WallMotion:
     """The walls with motions of a scene, and how long a list holds.
 
     A list holds for as long as particle and wall have come no nearer than the skin: half of it is the
-    particles', half the walls'. A list made within a CUDA graph is for the walls' places in its first launch.
+    particles', half the walls'.
 
     Args:
         chunk: Launches between two looks by the host, each with rows of its own in the tables.
-        lists_in_chunk: Lists are also made between the launches of a chunk.
     """
 
-    def __init__(self, scene: Scene, chunk: int, lists_in_chunk: bool = False):
-        self.scene, self.chunk, self.lists_in_chunk = scene, chunk, lists_in_chunk
+    def __init__(self, scene: Scene, chunk: int):
+        self.scene, self.chunk = scene, chunk
         liggghts = bool(scene.meshes) and scene.contact.mesh_contacts == "liggghts"
         self.servos = {w: ServoPath(servo, scene.time.step, liggghts) for w, servo in scene.servos.items()}
         """Of these walls only the next step's place is known."""
@@ -144,11 +143,7 @@ class WallMotion:
             ahead = 1 if self.servos else AHEAD - self._reached % AHEAD
             within = self._first_beyond(self._at_list, self._reached, ahead)
             self._reached, self._beyond = self._reached + within, within < ahead
-        allowed = max(0, min(count, self._reached - step))
-        if self.lists_in_chunk and allowed > max(1, self._sure):
-            made = self._marks_of_all(step)
-            allowed = min(allowed, self._first_beyond(made, step, allowed))  # mutate: list_of_first_launch
-        return allowed
+        return max(0, min(count, self._reached - step))
 
     def _sure_steps(self, w: int) -> int:
         """Steps in which the wall cannot leave the reach of a list, by the bound of its speed.

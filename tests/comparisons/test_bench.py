@@ -13,6 +13,7 @@ from comparisons.bench import worker as bench_worker
 from comparisons.bench.beds import COUNT, STEP, bench_scene
 from gpudem.errors import GpudemError
 from gpudem.solver.list_layout import packed
+from gpudem.solver.memory import bytes_by_purpose
 from gpudem.solver.solver import Solver
 
 
@@ -61,7 +62,7 @@ def test_memory_a_particle():
 
 @pytest.mark.long
 def test_moved_bytes_of_a_known_bed():
-    """Catches an array left out of the count or counted twice."""
+    """Catches an array left out of the count or counted twice; a slice counted beside the whole of it."""
     simulation = Solver(bench_scene("settled", 1000, 20), threads=1)
     simulation.start()
     simulation.advance(5)
@@ -72,7 +73,30 @@ def test_moved_bytes_of_a_known_bed():
     assert bench_worker.moved_bytes(simulation) == pytest.approx(
         motion + reference + partial + starts + listed
     )
+    room = simulation.neighbors.capacity / n
+    assert len(entries) / n < room < 1.1 * len(entries) / n + 0.1
+    found = bytes_by_purpose(simulation.memory_bytes(), n)
+    assert found["bodies, before and after a step"] == motion
+    assert found["list, old and new"] == pytest.approx(2 * 4 * room)
+    assert found["histories of contacts, old and new"] == pytest.approx(2 * 24 * room)
+    assert found["sort and count"] == pytest.approx(4 * (4 * n + 1) / n)
+    assert found["first entries and lengths of the lists"] == pytest.approx(2 * 4 * (n + 1) / n + 4)
+    assert found["id, radius, material, ..., old and new"] >= 2 * 4
+    assert sum(found.values()) == pytest.approx(sum(simulation.memory_bytes().values()) / n)
+    assert found["other"] < 2
     simulation.close()
+
+
+def test_memory_by_purpose():
+    """Catches a bed of few particles shown for that of many; a row without figures that stops the table."""
+    rows = [row(), row(memory={"a": 9.0}, array_bytes=9.0, particles=50)]
+    rows += [row(memory={"a": 1.0, "b": 2.0}, array_bytes=3.0), row(code="liggghts")]
+    assert bench.memory_by_purpose(rows) == [
+        {"bytes a particle": "a", "settled cpu float64": 1.0},
+        {"bytes a particle": "b", "settled cpu float64": 2.0},
+        {"bytes a particle": "total", "settled cpu float64": 3.0},
+    ]
+    assert bench.memory_by_purpose([row()]) == []
 
 
 def test_beds_below_and_above_one():

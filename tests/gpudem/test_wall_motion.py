@@ -341,18 +341,6 @@ def test_a_list_reaches_as_far_as_half_the_skin():
         assert motion.steps_within(made + 240, 32) == 11
 
 
-def test_a_list_made_in_a_graph_is_of_its_first_launch():
-    """A wall that goes back and forth by 0.4 of the skin, seen from its place in the middle, moves 0.8 of it
-    seen from one end: a chunk must end before that."""
-    motion = {"type": "oscillate", "amplitude": (0, 0, 4e-4), "period": 1.28e-3}  # 64 steps
-    scene = scene_of({**FLOOR, "motion": [motion]}, solver={"skin": 1e-3})
-    plain, inside = WallMotion(scene, 64), WallMotion(scene, 64, lists_in_chunk=True)
-    for walls in (plain, inside):
-        walls.list_made(0)
-    assert plain.steps_within(16, 64) == 64
-    assert inside.steps_within(16, 64) == 19  # until it is 5e-4 m below where it was
-
-
 def test_rodrigues():
     """Orthogonal, right-handed, of the angle asked for; exact for no turn."""
     matrices = rotations(AXIS, np.array([0.0, 0.1, 2.0, 1e-9]))
