@@ -58,7 +58,7 @@ def list_places(spec: Spec) -> SimpleNamespace:
 
     range(first(particles, i), end(particles, i), spec.list_slice)
 
-    length(particles, i) -> how many there are.
+    length(particles, i) -> how many there are; first_wall(particles, i) -> place of the first wall, or end.
     """
     t = structs(spec.precision)
     Particles, size, get_int = t.Particles, spec.list_slice, access(wp.int32).get
@@ -81,7 +81,13 @@ def list_places(spec: Spec) -> SimpleNamespace:
         # mutate: end_of_list
         return first_in(particles.start, i) + wp.static(size) * get_int(particles.count, i)
 
-    return SimpleNamespace(first=first, length=length, end=end)
+    @wp.func
+    def first_wall(particles: Particles, i: wp.int32):
+        if wp.static(spec.has_walls):
+            return get_int(particles.wall_start, i)
+        return end(particles, i)
+
+    return SimpleNamespace(first=first, length=length, end=end, first_wall=first_wall)
 
 
 @functools.cache

@@ -34,6 +34,7 @@ from gpudem.scene.walls import Wall
 from gpudem.solver import guards
 from gpudem.solver.device import compile_kernels, find_device
 from gpudem.solver.group_motion import TABLES, GroupMotion
+from gpudem.solver.lanes import LANES, lanes_for
 from gpudem.solver.list_layout import packed, spread
 from gpudem.solver.memory import array_bytes
 from gpudem.solver.mesh_tables import MeshTables
@@ -65,7 +66,7 @@ class Solver:
 
     Raises:
         SimulationError: lost particle, NaN, naming particle and time.
-        ValueError: a half list for a CUDA device.
+        ValueError: a half list for a CUDA device; a number of lanes that cannot be.
     """
 
     def __init__(
@@ -77,6 +78,7 @@ class Solver:
         half_list: bool | None = None,
         specialize: bool = True,
         rebuild_in_graph: bool | None = None,
+        lanes: int | None = None,
     ):
         self.device, self.scene = find_device(device), scene
         if half_list and self.device.is_cuda:
@@ -87,7 +89,8 @@ class Solver:
         self.graphs = self.device.is_cuda
         self.chunk = 1 if scene.servos else chunk or (CUDA_CHUNK if self.device.is_cuda else 1)
         self.rebuild_in_graph = self.device.is_cuda if rebuild_in_graph is None else rebuild_in_graph
-        self.state = State(scene, self.spec, self.device, self.chunk)
+        self.lanes = self._lanes(lanes)
+        self.state = State(scene, self.spec, self.device, self.chunk, self.lanes)
         self._wall_forces: Any = WallForces(self.state) if self.spec.wall_forces else None
         self.params = self._params()
         self._choose_order(scene.state.position)
@@ -99,9 +102,9 @@ class Solver:
         self.neighbors.when = self._next_step_in_words
         self.neighbors.on_leave = self._let_go
         self.departures = Departures(scene)
-        self.kernel = self.plain_kernel = step_kernel(self.spec)
+        self.kernel = self.plain_kernel = step_kernel(self.spec, lanes=self.lanes)
         if not self.spec.half_list and (self.device.is_cuda or self.rebuild_in_graph):
-            self.plain_kernel = step_kernel(self.spec, plain=True)
+            self.plain_kernel = step_kernel(self.spec, True, self.lanes)
         self._launches: dict[tuple[int, int, int, int], Callable[[], None]] = {}
         self._graphs: dict[tuple[int, int, int], Any] = {}
         self.step_count = 0
@@ -122,6 +125,13 @@ class Solver:
         self.compile_s = self._compile()
         if self.spec.half_list:
             require_serial_launches()
+
+    def _lanes(self, asked: int | None) -> int:
+        """Threads of a particle: as asked, or by rule. Raises ValueError: not possible."""
+        if asked is not None and (asked not in LANES or (asked > 1 and self.spec.half_list)):
+            raise ValueError(f"lanes = {asked}: must be one of {LANES}; with a half list 1")
+        usual = lanes_for(self.scene.start_count) if self.device.is_cuda else 1
+        return usual if asked is None else asked
 
     def _params(self) -> Any:
         scene, t = self.scene, self.state.types
@@ -456,7 +466,7 @@ class Solver:
             if mode:  # mutate: kernel_of_mode
                 kernel = self.kernel
             self._launches[key] = self.pool.record_launch(
-                kernel, self.params, inputs, [state.particles, state.next, output]
+                kernel, self.params, inputs, [state.particles, state.next, output], self.lanes
             )
         self._written = self.state.now
         self._launches[key]()

@@ -105,7 +105,7 @@ def _particles_struct(real: Any, vec3: Any, wide: Any, wide3: Any) -> Any:
         wall_force: wp.array[vec3]  # of a wall on the particle in the written step [N], (capacity,)
         wall_couple: wp.array[vec3]  # rolling torque on the particle, likewise [N m], (capacity,)
         wall_point: wp.array[wide3]  # where the force acts, likewise [m], (capacity,)
-        partial_force: wp.array[vec3]  # from particles before it in its block [N], (n,); half list only
+        partial_force: wp.array[vec3]  # from particles before it in its block [N], (n,); by lane, (lanes n,)
         partial_torque: wp.array[vec3]  # [N m], (n,), likewise
         wall_work: wp.array[wp.float64]  # by moving wall s on the particles at place i [J], at s n + i
         rebuild_pending: wp.array[wp.int32]  # k: the launches from k on wait for a rebuild, (chunk + 1,)
@@ -153,7 +153,7 @@ def _output_struct(vec3: Any, wide3: Any) -> Any:
         angular_velocity: wp.array[wide3]  # [rad/s], (n,)
         force: wp.array[vec3]  # with gravity [N], (n,)
         torque: wp.array[vec3]  # [N m], (n,)
-        contacts: wp.array[wp.int32]  # with particles + 2 x with walls, (n,)
+        contacts: wp.array[wp.int32]  # with particles + 2 x with walls, (n,), and of each lane but the first
 
     return StepOutput
 
@@ -161,9 +161,9 @@ def _output_struct(vec3: Any, wide3: Any) -> Any:
 class State:
     """All device arrays of a run: `now` and `next`, read and written in turn; `particles`; `output`."""
 
-    def __init__(self, scene: Scene, spec: Spec, device: Any, chunk: int):
+    def __init__(self, scene: Scene, spec: Spec, device: Any, chunk: int, lanes: int = 1):
         self.types = t = structs(spec.precision)
-        self.spec, self.device, self.n = spec, device, len(scene.state)
+        self.spec, self.device, self.n, self.lanes = spec, device, len(scene.state), lanes
         self.present = scene.start_count
         self.walls = len(scene.wall_elements)
         self._stated = self._properties(scene)
@@ -207,8 +207,9 @@ class State:
         p.start = zeros(-(-n // spec.list_slice) + 1, wp.int32)
         p.count = zeros(n, wp.int32, not spec.half_list)
         p.wall_start = zeros(n, wp.int32, spec.has_walls)
-        p.partial_force = zeros(n, t.vec3, spec.half_list)
-        p.partial_torque = zeros(n, t.vec3, spec.half_list and spec.rotation)
+        partial = spec.half_list or self.lanes > 1
+        p.partial_force = zeros(n * self.lanes, t.vec3, partial)
+        p.partial_torque = zeros(n * self.lanes, t.vec3, partial and spec.rotation)
         p.wall_work = zeros(n * len(scene.moving_walls), wp.float64, spec.moving_walls)
         p.rebuild_pending = zeros(chunk + 1, wp.int32)
         return p
@@ -259,7 +260,7 @@ class State:
                 kinds |= {"angular_velocity": t.wide3, "torque": t.vec3}
             for name, dtype in kinds.items():
                 setattr(self.output, name, wp.zeros(self.n, dtype=dtype, device=self.device))
-            self.output.contacts = wp.zeros(self.n, dtype=wp.int32, device=self.device)
+            self.output.contacts = wp.zeros(self.n * self.lanes, dtype=wp.int32, device=self.device)
 
     def swap(self) -> None:
         """What was written, by a step or by a rebuild, becomes the present."""

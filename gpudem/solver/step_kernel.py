@@ -31,6 +31,7 @@ from gpudem.solver.geometry import (
     wall_procedure,
 )
 from gpudem.solver.held_particles import held_particles
+from gpudem.solver.lanes import lane_sums
 from gpudem.solver.launch_bounds import THREADS, blocks_in_flight
 from gpudem.solver.list_layout import list_places
 from gpudem.solver.mesh_contacts import mesh_contacts, triangle_apart, wall_entry
@@ -320,6 +321,8 @@ def step_end(spec: Spec) -> Any:
         radius: t.wide, mass: real, force: vec3, torque: vec3, contacts: wp.int32,
         particles: Particles, after: wp.array[Body], output: StepOutput,
     ):  # fmt: skip
+        if wp.static(spec.gravity):
+            force += mass * params.gravity  # mutate: gravity
         kick = params.kick
         spin_kick = params.spin_kick
         if wp.static(spec.per_particle_mass):
@@ -367,10 +370,11 @@ def step_end(spec: Spec) -> Any:
 
 
 @functools.cache
-def step_kernel(spec: Spec, plain: bool = False) -> Any:
+def step_kernel(spec: Spec, plain: bool = False, lanes: int = 1) -> Any:
     """The step kernel of one Spec; `plain`: without what only set-up and output need, for steps of mode 0.
 
-    The plain one, for CUDA, keeps to the registers that `launch_bounds` leaves a thread.
+    Launched with `lanes` threads a particle, side by side (`gpudem.solver.lanes`). The plain
+    one, for CUDA, keeps to the registers that `launch_bounds` leaves a thread.
     """
     options: dict[str, Any] = {} if spec.half_list else {"module_options": {"block_dim": THREADS}}
     if plain:
@@ -392,7 +396,8 @@ def step_kernel(spec: Spec, plain: bool = False) -> Any:
     partner, part, spring_of, rolling_of = entry_of.partner, entry_of.part, entry_of.spring, entry_of.rolling
     store = entry_of.store
     get_int, sums = access(wp.int32).get, partial_sums(spec)
-    first_of, end_of = list_places(spec).first, list_places(spec).end
+    list_of, add_lanes = list_places(spec), lane_sums(spec, lanes)
+    first_of, first_wall_of, end_of = list_of.first, list_of.first_wall, list_of.end
     take_partial_sums, add_to_partner = sums.take, sums.add
     geometry, procedure, convert = (
         contact_geometry(spec),
@@ -411,6 +416,13 @@ def step_kernel(spec: Spec, plain: bool = False) -> Any:
     note, act = wall_action(spec).note, wall_action(spec).act
     mass_at = effective_mass(spec)
 
+    @wp.func
+    def time_of_springs(params: Params, mode: wp.int32):
+        """By which springs and their histories go on: none at set-up."""
+        if mode & SETUP:
+            return real(0.0)  # mutate: no_time_at_setup
+        return params.dt
+
     @wp.kernel(module="unique", enable_backward=False, **options)
     def step(
         # params
@@ -428,7 +440,8 @@ def step_kernel(spec: Spec, plain: bool = False) -> Any:
         after: wp.array[Body],
         output: StepOutput,
     ):
-        i, mode = begin + wp.tid(), asked_mode & wp.static(0 if plain else SETUP | WRITE)
+        i, lane = begin + wp.tid() // wp.static(lanes), wp.tid() % wp.static(lanes)
+        mode = asked_mode & wp.static(0 if plain else SETUP | WRITE)
         if get_int(particles.rebuild_pending, launch) != 0:  # an earlier launch made the list out of date
             if i == 0:
                 particles.rebuild_pending[launch + 1] = 1  # mutate: launch_after_trip
@@ -436,19 +449,15 @@ def step_kernel(spec: Spec, plain: bool = False) -> Any:
         x, v, w = position_of(now, i), velocity_of(now, i), spin_of(now, i)
         radius, mass = radius_of(params, particles, i), mass_of(params, particles, i)
         material = material_of(particles, i)
-        dt = params.dt
-        if mode & SETUP:
-            dt = real(0.0)  # mutate: no_time_at_setup
+        dt = time_of_springs(params, mode)
         v_next, w_next = v, w
         if wp.static(spec.path):
             v_next, w_next = velocity_ahead(now, i, mode), spin_ahead(now, i, mode)
         force, torque = take_partial_sums(particles, i)
         contacts, block_end = wp.int32(0), (i // params.block + 1) * params.block
-        first, last = first_of(particles, i), end_of(particles, i)
-        first_wall = last
-        if wp.static(spec.has_walls):
-            first_wall = get_int(particles.wall_start, i)
-        for k in range(first, first_wall, wp.static(spec.list_slice)):  # particles
+        first, first_wall, last = first_of(particles, i), first_wall_of(particles, i), end_of(particles, i)
+        begin_k = first + wp.static(spec.list_slice) * lane  # mutate: first_of_lane
+        for k in range(begin_k, first_wall, wp.static(spec.list_slice * lanes)):  # particles
             entry = get_int(particles.neighbor, k)
             j = partner(entry)
             d = nearest(x - position_of(now, j), params.size)
@@ -492,6 +501,7 @@ def step_kernel(spec: Spec, plain: bool = False) -> Any:
             store(particles, k, entry, j, spring, stored, mode)
 
         if wp.static(spec.has_walls):
+            last = wp.where(lane == wp.static(lanes - 1), last, first_wall)  # mutate: walls_of_lane
             decide_on_triangles(params, walls, particles, launch, i, x, radius, first_wall, last)
             for k in range(first_wall, last, wp.static(spec.list_slice)):
                 entry = get_int(particles.neighbor, k)
@@ -501,8 +511,7 @@ def step_kernel(spec: Spec, plain: bool = False) -> Any:
                     part(particles, k, entry, other)  # mutate: part_from_triangle
                     continue
                 wall, gap, normal, point = contact_of(params, walls, particles, launch, i, k, other, x)
-                at = launch * params.walls + wall
-                v_wall = velocity_of_wall(walls, at, wall, point, normal)
+                v_wall = velocity_of_wall(walls, launch * params.walls + wall, wall, point, normal)
                 if wp.static(spec.fast_floors):
                     gap = fast_gap(params, walls, particles, k, wall, gap, normal, radius, v, dt)
                 wall_pair = laws.wall_pairs[wall * params.materials + material]  # mutate: wall_coefficients
@@ -528,8 +537,11 @@ def step_kernel(spec: Spec, plain: bool = False) -> Any:
                 act(params, walls, particles, launch, mode, k, wall, i, f, -rolling, point, v_wall)
                 store(particles, k, entry, other, spring, stored, mode)
 
-        if wp.static(spec.gravity):
-            force += mass * params.gravity  # mutate: gravity
+        force, torque, contacts = add_lanes(
+            particles, output, params.n, i, lane, mode & WRITE, force, torque, contacts
+        )
+        if lane != wp.static(lanes - 1):
+            return
         end_step(params, mode, launch, i, x, v, w, radius, mass, force, torque, contacts,
                  particles, after, output)  # fmt: skip
 

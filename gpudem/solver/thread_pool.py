@@ -51,16 +51,16 @@ class CpuThreadPool:
         return len(self.slices)
 
     def record_launch(
-        self, kernel: Any, params: Any, inputs: list[Any], outputs: list[Any]
+        self, kernel: Any, params: Any, inputs: list[Any], outputs: list[Any], lanes: int = 1
     ) -> Callable[[], None]:
-        """A call that runs `kernel(params, begin, *inputs, *outputs)` over all particles."""
+        """A call that runs `kernel(params, begin, *inputs, *outputs)` for all particles, in lanes."""
         if self.n == 0:
             return lambda: None
         # mutate: slice_launch
         launches = [
             wp.launch(
                 kernel,
-                end - begin,
+                lanes * (end - begin),
                 inputs=[params, begin, *inputs],
                 outputs=outputs,
                 device=self.device,

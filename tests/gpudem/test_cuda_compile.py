@@ -16,6 +16,7 @@ from gpudem.solver.launch_bounds import THREADS, blocks_in_flight
 from gpudem.solver.neighbor_kernels import cell_kernel, count_kernel, fill_kernel, gather_kernel
 from gpudem.solver.removal import exit_kernel
 from gpudem.solver.spec import Spec
+from gpudem.solver.step_kernel import step_kernel
 
 FULL = {"tangential": "history", "rotation": True, "gravity": True, "walls": ("plane",)}
 EVERYTHING = {
@@ -118,6 +119,14 @@ def test_plain_steps_keep_their_blocks_in_flight_without_spills(given, precision
     found = step_kernel_resources(spec, plain=True)
     assert found.spill_bytes == found.stack_bytes == 0
     assert found.occupancy(THREADS) >= blocks_in_flight(spec) * THREADS / 2048
+
+
+@pytest.mark.parametrize(("precision", "lanes"), [("mixed", 4), ("mixed", 8), ("float64", 8)])
+def test_lanes_compile_without_spills(precision, lanes):
+    """Several threads a particle. Detects code for CUDA alone that does not compile; sums that spill."""
+    found = kernel_resources(step_kernel(Spec(precision=precision, **FULL), True, lanes))
+    assert found.spill_bytes == found.stack_bytes == 0
+    assert found.occupancy(THREADS) >= blocks_in_flight(Spec(precision=precision, **FULL)) * THREADS / 2048
 
 
 def test_occupancy_of_known_kernels():

@@ -8,6 +8,7 @@ tests    pytest -m gpu
 bench    gpudem bench --device cuda:0: rates of beds by size and precision, bandwidth of memory
 kernels  time of each kernel of a step and of a rebuild
 step     time of a step of the box of Park et al. (2014) with its real modulus, as its balls fall and settle
+lanes    time of a step with several threads a particle, beds of 5000 to 120 000 balls
 turns    the sources against those of another commit (pack.sh DIR COMMIT), both in turn
 ncu      Nsight Compute on the step kernel: registers, occupancy, throughput, stalls
 paper    the box of Park et al. (2014) with its real modulus: three gates of 1 500 000 steps
@@ -38,6 +39,7 @@ LIMITS = {
     "bench": 120,
     "kernels": 40,
     "step": 45,
+    "lanes": 60,
     "turns": 75,
     "ncu": 50,
     "paper": 330,
@@ -48,7 +50,7 @@ DEFAULT = tuple(stage for stage in LIMITS if stage != "paper")
 def commands(stage: str, out: Path, rehearse: bool) -> list[list[str]]:
     """What a stage runs, one after the other; nothing where it cannot be rehearsed."""
     python, device = sys.executable, "cpu" if rehearse else "cuda:0"
-    if stage in ("device", "kernels", "step", "paper"):
+    if stage in ("device", "kernels", "step", "lanes", "paper"):
         return [[python, __file__, str(out), "--inside", stage, *(["--rehearse"] if rehearse else [])]]
     if stage == "tests":
         chosen = ["--collect-only"] if rehearse else ["-n", "5", "-p", "no:benchmark"]
@@ -232,6 +234,35 @@ def step_stage(out: Path, device: str) -> None:
     solver.close()
 
 
+def lanes_stage(out: Path, device: str) -> None:
+    """Microseconds a step of flowing beds with several threads a particle: do they pay, and for how many."""
+    import warp as wp
+
+    from comparisons.bench.beds import SKIN, bench_scene
+    from gpudem.solver.solver import Solver
+
+    sizes, numbers, steps = ((5000, 20_000, 120_000), (1, 2, 4, 8), 4000)
+    full: dict[str, Any] = {}
+    if device == "cpu":
+        sizes, numbers, steps, full = (500,), (1, 4), 100, {"half_list": False, "rebuild_in_graph": True}
+    rows = []
+    for size in sizes:
+        for lanes in numbers:
+            scene = bench_scene("flowing", size, steps, solver={"skin": SKIN, "precision": "mixed"})
+            solver = Solver(scene, device, 1, lanes=lanes, **full)
+            solver.start()
+            solver.advance(steps // 10)
+            wp.synchronize_device(solver.device)
+            begin = time.perf_counter()
+            solver.advance(steps - steps // 10 - 1)
+            wp.synchronize_device(solver.device)
+            us = 1e6 * (time.perf_counter() - begin) / (steps - steps // 10 - 1)
+            rows.append({"balls": size, "lanes": lanes, "us_a_step": us})
+            (out / "lanes.json").write_text(json.dumps(rows, indent=1))
+            print(json.dumps(rows[-1]), flush=True)
+            solver.close()
+
+
 def paper_stage(out: Path, device: str) -> None:
     """Gate by gate: wall clock, first ball at the far wall, heights at rest every 100 mm, positions."""
     import numpy as np
@@ -283,7 +314,7 @@ def main() -> int:
             steps_stage(precision, device)
         else:
             stage: dict[str, Callable[[Path, str], None]] = {
-                "device": device_stage, "kernels": kernels_stage, "step": step_stage,
+                "device": device_stage, "kernels": kernels_stage, "step": step_stage, "lanes": lanes_stage,
                 "paper": paper_stage,
             }  # fmt: skip
             stage[name](given.out, device)
