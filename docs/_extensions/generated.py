@@ -24,7 +24,8 @@ def setup(app: Sphinx) -> dict[str, Any]:
 
 def write(folder: Path) -> None:
     """All generated pages; a page whose text has not changed is left alone."""
-    import motion_pictures  # beside this file
+    import insertion_pictures  # beside this file
+    import motion_pictures
     import wall_pictures
 
     pages = {"scene": scene_page(), "laws": laws_page(), "observables": observables_page()}
@@ -33,6 +34,7 @@ def write(folder: Path) -> None:
     drawn = wall_pictures.pictures(folder.parent / "guide" / "walls.md")
     files |= {f"walls/{kind}.svg": text for kind, text in drawn.items()}
     files["motions.svg"] = motion_pictures.picture()
+    files["insertions.svg"] = insertion_pictures.picture()
     for name, text in files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)

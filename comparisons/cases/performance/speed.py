@@ -13,6 +13,7 @@ import pandas
 from comparisons import kit
 from comparisons.bench.beds import COUNT, bench_scene
 from comparisons.bench.command import LARGE
+from comparisons.bench.insertion import EVENTS, INTERVAL
 from comparisons.harness import codes
 from comparisons.report import plots
 
@@ -108,9 +109,9 @@ HEADS = {
 
 
 @functools.cache
-def recorded() -> dict[str, Any]:
-    """The last `gpudem bench` that was kept, with its provenance."""
-    return json.loads((resources.files("comparisons") / "recorded" / "bench.json").read_text())
+def recorded(name: str = "bench") -> dict[str, Any]:
+    """The last `gpudem bench` that was kept, with its provenance; "bench_insertion": of insertion."""
+    return json.loads((resources.files("comparisons") / "recorded" / f"{name}.json").read_text())
 
 
 def recorded_table(part: str) -> pandas.DataFrame:
@@ -133,6 +134,26 @@ def narrowed(rows: pandas.DataFrame) -> pandas.DataFrame:
         "first step after [s]": "start [s]", "ratio": "speed-up",
     }  # fmt: skip
     return rows.assign(ratio=spread).drop(columns=left_out).rename(columns=names)
+
+
+def insertion_table() -> pandas.DataFrame:
+    """The recorded share of the time that insertion takes, by repeat."""
+    rows = pandas.DataFrame(recorded("bench_insertion")["rows"])
+    return pandas.DataFrame({
+        "particles": rows["particles"], "layers": EVENTS, "steps": rows["steps"], "cores": rows["cores"],
+        "precision": rows["precision"], "insertion [% of the time]": 100 * rows["insertion_share"],
+        "1e6 particle-steps/s": rows["rate"] / 1e6,
+    }).round(2)  # fmt: skip
+
+
+def _insertion_caption() -> str:
+    p = recorded("bench_insertion")["provenance"]
+    return (
+        f"Recorded, not run now: {p['date']}, commit {p['commit']}, {p['hardware']['cpu']}, while other"
+        f" programs used the machine. An empty bed filled by a stream: a layer every {INTERVAL} steps, the"
+        " time in which it moves by a diameter. Insertion: what a step with a new layer takes longer than the"
+        " steps up to the next one do on average, its new list of neighbors included."
+    )
 
 
 def _recorded_caption() -> str:
@@ -200,6 +221,7 @@ CASE = kit.Case(
     tables=(
         kit.Table("Particle-steps per second, measured now", "5000 spheres, median of the repeats.", table),
         kit.Table("Recorded bench", _recorded_caption(), lambda results: recorded_table("summary")),
+        kit.Table("Recorded bench: insertion", _insertion_caption(), lambda results: insertion_table()),
         kit.Table(
             "Recorded bench: cost against the number of balls",
             f"Exponent k of seconds per step ~ N^k from {LARGE} balls on, least squares of the logarithms of"
