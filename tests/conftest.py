@@ -84,6 +84,9 @@ SLOW_ROWS = {
     ),
     r"test_path_order.py::test_full_list_is_the_half_list\[normal": "oblique impacts",
     r"test_wall_forces.py::test_a_servo_reaches_its_force\[0.5": "a servo without integral",
+    r"test_cuda_compile.py::test_plain_steps_.*\[(.*-float32|(frictionless|jkr|groups|path|mesh l.*)-)": (
+        "most registers: everything, sjkr with epsd, mesh"
+    ),
     r"test_wall_phases.py::test_agrees_with_binary\[(starts|stops|sums|tables|several|.*_of_mesh)": (
         "a drum that turns back, a belt, a gate, another material; sums at one change"
     ),
