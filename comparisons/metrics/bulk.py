@@ -9,6 +9,7 @@ import numpy as np
 from comparisons.metrics import contacts
 from comparisons.metrics.parting import period, state_of
 from gpudem.scene import Scene
+from gpudem.scene.groups import FREE
 
 #: Particles from which profiles and packing mean something.
 MANY = 20
@@ -31,12 +32,12 @@ def axes(scene: Scene, trace: Mapping[str, np.ndarray]) -> tuple[int | None, int
     return up, max(rest, key=lambda k: abs(float(moved[k])))
 
 
-def energies(scene: Scene, trace: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def energies(scene: Scene, trace: Mapping[str, np.ndarray], free: bool = False) -> dict[str, np.ndarray]:
     """Kinetic (with rotation) and potential energy [J] in time, each (t,); across periodic sides, along which
     gravity acts, the potential energy is not defined and is left out. Particles that are not there yet have
-    none.
+    none; `free`: nor have those of groups.
     """
-    mass, radius = scene.masses, scene.state.radius
+    mass, radius = np.where(free & (scene.held != FREE), 0.0, scene.masses), scene.state.radius
     trace = {k: np.nan_to_num(trace[k]) for k in ("step", "position", "velocity", "angular_velocity")}
     inertia = 0.4 * mass * radius**2
     kinetic = 0.5 * ((trace["velocity"] ** 2).sum(axis=2) @ mass)

@@ -15,10 +15,11 @@ from comparisons.scene_case import plan as plans
 from comparisons.scene_case.plan import Plan
 from gpudem.output.run import Run
 from gpudem.scene import Scene
-from gpudem.scene.groups import FREE, FROZEN
+from gpudem.scene.groups import FREE, FROZEN, moving
 from gpudem.scene.placed import Surface, has_servo, walls_at
 from gpudem.scene.removal import search_box
 from gpudem.scene.time_step import position_spacing
+from gpudem.scene.walls import Wall
 from gpudem.solver.guards import inserted_energy
 
 #: What another code may differ by, over what perturbed runs of gpudem differ by: these are few of the ways in
@@ -279,7 +280,7 @@ def sanity(results: Results, plan: Plan, code: str) -> Sanity:
         looks = np.unique([*looks, *busy])
         part = {k: v[looks] for k, v in whole.items()}
         energy, (work, ways, unknown) = (
-            bulk.energies(scene, part),
+            bulk.energies(scene, part, free=True),
             walls_work(results[plans.SCENE, code], part),
         )
         walls = [
@@ -304,33 +305,35 @@ def sanity(results: Results, plan: Plan, code: str) -> Sanity:
 
 
 def walls_work(run: Run, part: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray], str]:
-    """What a run tells of its walls that move, at the steps of a trace, (t,).
+    """What a run tells of its walls and groups that move, at the steps of a trace, (t,).
 
     Returns:
         Their work on the particles since the start [J], NaN where the history has no row or no column of it;
         how far each wall with a servo is from its place at the start [m], (t, 3), by name; which column is
         missing, or nothing.
     """
-    moving = [wall for wall in run.scene.wall_elements if wall.name in run.scene.moving_walls]
+    walls = [wall for wall in run.scene.wall_elements if wall.name in run.scene.moving_walls]
+    groups = moving(run.scene)
     steps = part["step"]
     work, ways = np.zeros(len(steps)), {}
-    if not moving:
+    if not walls and not groups:
         return work, ways, ""
     table = run.history.set_index("step").reindex(steps) if run.history is not None else None
-    for wall in moving:
-        column, place = f"work_{wall.name}", [f"position_{wall.name}_{axis}" for axis in "xyz"]
+    for mover in (*walls, *groups):
+        column, place = f"work_{mover.name}", [f"position_{mover.name}_{axis}" for axis in "xyz"]
         if table is None or column not in table:
-            missing = f"{codes.title(run.code)} does not tell the work of wall {wall.name!r}"
+            what = "wall" if mover in walls else "group"
+            missing = f"{codes.title(run.code)} does not tell the work of {what} {mover.name!r}"
             return np.full(len(steps), np.nan), ways, missing
         work = work + table[column].to_numpy()
-        if has_servo(wall):
-            ways[wall.name] = table[place].to_numpy() - np.array(wall.torque_point)
+        if isinstance(mover, Wall) and has_servo(mover):
+            ways[mover.name] = table[place].to_numpy() - np.array(mover.torque_point)
     return work, ways, ""
 
 
 def _told(run: Run, steps: np.ndarray) -> np.ndarray:
     """The indices of these steps at which the work of walls is known: all where none moves."""
-    if run.history is None or not run.scene.moving_walls:
+    if run.history is None or not (run.scene.moving_walls or moving(run.scene)):
         return np.arange(len(steps))
     return np.flatnonzero(np.isin(steps, run.history["step"]))
 

@@ -137,7 +137,8 @@ def _tables(plan: Plan, bound) -> tuple[Table, ...]:
         ),
         Table(
             "Conservation and sanity",
-            "Energy is kinetic, potential and elastic energy of overlaps, less the work of walls that move;"
+            "Energy is kinetic, potential and elastic energy of overlaps, less the work of walls"
+            " and groups that move;"
             " friction and damping take from it.",
             bound(figures.sanity), needs=(),
         ),

@@ -11,7 +11,7 @@ from comparisons.harness.case import Check, Measured, PerCode, PerPair, Results,
 from comparisons.scene_case import analysis
 from comparisons.scene_case import plan as plans
 from comparisons.scene_case.plan import Plan
-from gpudem.scene import Scene
+from gpudem.scene import Scene, groups
 from gpudem.scene.time_step import contact_time
 from gpudem.solver.guards import MAX_OVERLAP
 
@@ -101,12 +101,11 @@ def distributions(results: Results, plan: Plan, code: str, other: str) -> Measur
 def energy_defined(scene: Scene) -> bool:
     """Whether the energy balance can be computed from positions, velocities and the work of walls.
 
-    Not where gravity changes, or where groups of particles have a motion.
+    Not where gravity changes.
     """
     gravity, periodic = np.array([at.gravity for at in scene.phase_scenes]), np.array(scene.domain.periodic)
     potential = scene.contact_range == 0 and not scene.needs.cohesion and not np.ptp(gravity, axis=0).any()
     vibrating = any(plane.speed > 0 for plane in scene.planes)  # steps back without a time of its own
-    vibrating = vibrating or any(group.motion for group in scene.groups)  # whose work is not known
     defined = not ((gravity != 0) & periodic).any() and not vibrating and potential
     return defined and not scene.exits  # energy leaves with the particles
 
@@ -158,7 +157,7 @@ def each(plan: Plan) -> PerCode:
 
 
 def _energy(plan: Plan, code: str) -> Check:
-    constant, moving = conserved(plan.scene), bool(plan.scene.moving_walls)
+    constant, moving = conserved(plan.scene), bool(plan.scene.moving_walls or groups.moving(plan.scene))
 
     def measure(results: Results) -> Measured:
         found = analysis.sanity(results, plan, code)
@@ -170,7 +169,8 @@ def _energy(plan: Plan, code: str) -> Check:
         worst = float(np.nanmax(np.abs(change)) if constant else max(np.nanmax(change), 0.0))
         note = f"{np.isfinite(change).sum()} times, most contacts {found.contacts.max()}"
         if moving:
-            note += f", work of walls {np.nanmax(np.abs(found.work)):.4g} J"
+            movers = "walls and groups" if groups.moving(plan.scene) else "walls"
+            note += f", work of {movers} {np.nanmax(np.abs(found.work)):.4g} J"
         return Measured(worst / found.scale, note=note)
 
     what = "change" if constant else "growth"

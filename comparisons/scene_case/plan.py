@@ -86,12 +86,14 @@ def sampled(scene: Scene, times: int, n_steps: int) -> Scene:
     stride = max(1, math.ceil(n_steps / max(1, times - 1)))
     rows = max(1, n_steps // HISTORY_ROWS)
     moving = [wall.name for wall in scene.wall_elements if wall.name in scene.moving_walls]
-    if moving:  # their work is read at times of the trace
+    groups = [group.name for group in scene.groups if group.motion]
+    if moving or groups:  # their work is read at times of the trace
         rows = stride * math.ceil(rows / stride)
     output = {
         "frames_every": None, "restart_every": None, "history": None,
         "trace_every": stride * step, "history_every": rows * step,
         "wall_forces": tuple(dict.fromkeys([*scene.output.wall_forces, *moving])), "wall_stress": (),
+        "group_forces": tuple(dict.fromkeys([*scene.output.group_forces, *groups])),
     }  # fmt: skip
     return scene.replace(output=output, time={"duration": n_steps * step})
 

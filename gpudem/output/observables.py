@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     import pandas
 
     from gpudem.output.view import View
-    from gpudem.scene import Scene
+    from gpudem.scene import Group, Scene
     from gpudem.scene.sections import FlowPlane
 
 GROUP = "gpudem.observables"
@@ -154,17 +154,20 @@ def of_wall(name: str) -> list[Observable]:
     return [*vectors, Observable(f"work_{name}", "J", lambda view: view.wall_loads[name].work)]
 
 
-def of_group(name: str) -> list[Observable]:
-    """Columns of one group: force_NAME_x [N], ..., torque_NAME_z [N m], of its contacts, without its weight.
+def of_group(group: Group) -> list[Observable]:
+    """Columns of one group: force_NAME_x [N], ..., torque_NAME_z [N m], of its contacts, without its weight;
+    of one with a motion work_NAME [J], its work on the particles since the start.
 
     The torque is about the group's `reference`.
     """
+    name = group.name
 
     def component(quantity: int, unit: str, k: int) -> Observable:
         what = ("force", "torque")[quantity]
         return Observable(f"{what}_{name}_{'xyz'[k]}", unit, lambda view: view.group_load(name)[quantity][k])
 
-    return [component(q, unit, k) for q, unit in enumerate(("N", "N m")) for k in range(3)]
+    loads = [component(q, unit, k) for q, unit in enumerate(("N", "N m")) for k in range(3)]
+    return loads + [Observable(f"work_{name}", "J", lambda view: view.group_works[name])] * bool(group.motion)
 
 
 def of_exit(name: str) -> list[Observable]:

@@ -116,7 +116,7 @@ class Recorder:
         walls, exits = self.scene.output.wall_forces, [stated.name for stated in self.scene.exits]
         return [
             *(o for wall in walls for o in observables.of_wall(wall)),
-            *(o for group in self.scene.output.group_forces for o in observables.of_group(group)),
+            *(o for group in self.scene.loaded_groups for o in observables.of_group(group)),
             *(o for name in exits for o in observables.of_exit(name)),
             *(o for plane in self.scene.output.flow for o in observables.of_flow(plane)),
         ]

@@ -21,7 +21,7 @@ from gpudem.scene import Scene
 
 FILE = folder.RESTART
 #: Counts up when what is in the file changes.
-VERSION = 3
+VERSION = 4
 
 
 @dataclasses.dataclass(frozen=True)

@@ -60,6 +60,7 @@ class View:
         rows: Callable[[], np.ndarray] | None = None,
         removed: Callable[[], dict[str, tuple[int, float]]] = dict,
         departed: Callable[[], tuple[np.ndarray, np.ndarray]] = lambda: NONE_LEFT,
+        group_works: Callable[[], dict[str, float]] = dict,
     ):
         """`column(name)` gives one of VECTORS; the other functions the properties of their names."""
         self.scene, self.step = scene, step
@@ -67,6 +68,7 @@ class View:
         self._wall_loads, self._servo_ways = wall_loads, servo_ways
         self._triangle_forces = triangle_forces
         self._rows, self._removed, self._departed = rows, removed, departed
+        self._group_works = group_works
         self._known: dict[Any, Any] = {}
 
     @classmethod
@@ -162,6 +164,11 @@ class View:
     def wall_loads(self) -> dict[str, WallLoad]:
         """Force, torque and work of the walls that `output.wall_forces` names, by name of the wall."""
         return self._once("wall_loads", self._wall_loads)
+
+    @property
+    def group_works(self) -> dict[str, float]:
+        """Work of the groups with a motion on the particles since the start [J], by name of the group."""
+        return self._once("group_works", self._group_works)
 
     def group_load(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Force [N] of the contacts on a group, and their torque [N m] about its reference, each (3,)."""
@@ -264,11 +271,12 @@ class DeviceView(View):
         rows: Callable[[], np.ndarray] | None = None,
         removed: Callable[[], dict[str, tuple[int, float]]] = dict,
         departed: Callable[[], tuple[np.ndarray, np.ndarray]] = lambda: NONE_LEFT,
+        group_works: Callable[[], dict[str, float]] = dict,
     ):
         """`read(name)` gives a Warp array of three-component vectors; `scalars` lasts from view to view."""
         super().__init__(scene, step, lambda name: self.column(name).numpy().astype(np.float64, copy=False),
                          contacts, wall_work, wall_loads, servo_ways, triangle_forces, rows,
-                         removed, departed)  # fmt: skip
+                         removed, departed, group_works)  # fmt: skip
         self._read, self._scalars = read, scalars
 
     def column(self, name: str) -> Any:

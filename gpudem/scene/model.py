@@ -343,6 +343,12 @@ class Scene(Model):
         """What moves each particle, shape (n,): `groups.FREE`, `groups.FROZEN` or a motion, from 1."""
         return groups.held(self)
 
+    @property
+    def loaded_groups(self) -> list[Group]:
+        """The groups that `output.group_forces` names, in its order."""
+        named = {group.name: group for group in self.groups}
+        return [named[name] for name in self.output.group_forces]
+
     @functools.cached_property
     def stated_at_start(self) -> InitialState:
         """Particles at the start as the lattice, list or file states them. Raises ValueError: it cannot."""

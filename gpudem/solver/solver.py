@@ -29,6 +29,7 @@ from gpudem.errors import SimulationError
 from gpudem.output.view import WallLoad
 from gpudem.output.vtu import Frame
 from gpudem.scene import Scene, wall_phases
+from gpudem.scene.groups import moving
 from gpudem.scene.removal import search_box
 from gpudem.scene.walls import Wall
 from gpudem.solver import guards
@@ -676,6 +677,14 @@ class Solver:
         if moving:
             found[moving] = self.state.particles.wall_work.numpy().reshape(len(moving), -1).sum(axis=1)
         return found
+
+    def group_works(self) -> dict[str, float]:
+        """Work of each group with a motion on the particles since the start [J], by name."""
+        names = [group.name for group in moving(self.scene)]
+        if not names:
+            return {}
+        work = self.state.particles.group_work.numpy().reshape(len(names), -1).sum(axis=1)
+        return dict(zip(names, work.tolist(), strict=True))
 
     def memory_bytes(self) -> dict[str, int]:
         """Bytes of every device array, by name."""

@@ -107,6 +107,7 @@ def _particles_struct(real: Any, vec3: Any, wide: Any, wide3: Any) -> Any:
         wall_point: wp.array[wide3]  # where the force acts, likewise [m], (capacity,)
         partial_force: wp.array[vec3]  # from particles before it in its block [N], (n,); by lane, (lanes n,)
         partial_torque: wp.array[vec3]  # [N m], (n,), likewise
+        group_work: wp.array[wp.float64]  # by moving group k on particles, noted at place i [J], at k n + i
         wall_work: wp.array[wp.float64]  # by moving wall s on the particles at place i [J], at s n + i
         rebuild_pending: wp.array[wp.int32]  # k: the launches from k on wait for a rebuild, (chunk + 1,)
 
@@ -210,6 +211,7 @@ class State:
         partial = spec.half_list or self.lanes > 1
         p.partial_force = zeros(n * self.lanes, t.vec3, partial)
         p.partial_torque = zeros(n * self.lanes, t.vec3, partial and spec.rotation)
+        p.group_work = zeros(n * max(0, int(scene.held.max(initial=0))), wp.float64, spec.moved_groups)
         p.wall_work = zeros(n * len(scene.moving_walls), wp.float64, spec.moving_walls)
         p.rebuild_pending = zeros(chunk + 1, wp.int32)
         return p

@@ -304,6 +304,33 @@ def wall_action(spec: Spec) -> SimpleNamespace:
 
 
 @functools.cache
+def group_action(spec: Spec) -> Any:
+    """A function: adds up the work of the group of a particle with a motion on the others.
+
+    By the force and torque of its contacts, at its velocities in the step; none at set-up.
+    """
+    t = structs(spec.precision)
+    Params, Particles, vec3, wide3 = t.Params, t.Particles, t.vec3, t.wide3
+    to_wide = conversions(spec.precision).to_wide
+
+    @wp.func
+    def act(
+        params: Params, particles: Particles, mode: wp.int32, i: wp.int32, force: vec3, torque: vec3,
+        v: wide3, w: wide3,
+    ):  # fmt: skip
+        if wp.static(spec.moved_groups):
+            if mode & SETUP or particles.held[i] < 1:
+                return
+            power = wp.dot(to_wide(force), v)
+            if wp.static(spec.rotation):
+                power += wp.dot(to_wide(torque), w)  # mutate: work_of_torque_on_group
+            at = (particles.held[i] - 1) * params.n + i
+            particles.group_work[at] -= wp.float64(power * params.dt_wide)  # mutate: work_of_group
+
+    return act
+
+
+@functools.cache
 def step_end(spec: Spec) -> Any:
     """A function: second half kick to the full step (not at set-up), first half kick and drift of the next.
 
@@ -414,7 +441,7 @@ def step_kernel(spec: Spec, plain: bool = False, lanes: int = 1) -> Any:
     contact_of = wall_entry(spec) if spec.has_walls else None
     fast_gap = fast_floor_gap(spec.precision)
     note, act = wall_action(spec).note, wall_action(spec).act
-    mass_at = effective_mass(spec)
+    mass_at, work_of_group = effective_mass(spec), group_action(spec)
 
     @wp.func
     def time_of_springs(params: Params, mode: wp.int32):
@@ -542,6 +569,7 @@ def step_kernel(spec: Spec, plain: bool = False, lanes: int = 1) -> Any:
         )
         if lane != wp.static(lanes - 1):
             return
+        work_of_group(params, particles, mode, i, force, torque, v, w)
         end_step(params, mode, launch, i, x, v, w, radius, mass, force, torque, contacts,
                  particles, after, output)  # fmt: skip
 

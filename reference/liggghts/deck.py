@@ -94,7 +94,7 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
     )
     facts = {
         "scene": scene, "needs": scene.needs, "segments": segments,
-        "loads": wall_loads.loads(scene), "written": wall_loads.written(scene),
+        "loads": wall_loads.loads(scene), "written": wall_loads.written(scene) + groups.written(scene),
         "primitives": walls.primitives(scene), "changes": walls.changes(scene),
         **_of_meshes(scene, segments[0]),
         "most_triangles": max((len(mesh.corners) for mesh in scene.meshes), default=0),

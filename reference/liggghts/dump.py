@@ -203,7 +203,7 @@ def history(scene: Scene, blocks: list[list[str]], raw: Path) -> pandas.DataFram
         del column["contacts"]
     kept = [*HISTORY_COLUMNS, *({"particles"} & set(scene.output.history or ()))]
     usual = {name: column[name] for name in kept if name in column}
-    found = usual | wall_loads.history(scene, raw, column) | groups.history(scene, column)
+    found = usual | wall_loads.history(scene, raw, column) | groups.history(scene, raw, column)
     found |= {name: column[name] for name in column if name.startswith("removed_")}  # gpudem's order
     return observables.with_rates(pandas.DataFrame(found | flow.history(scene, column)), scene)
 

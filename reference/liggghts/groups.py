@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from gpudem.output import observables
 from gpudem.scene import Group, Scene
 from gpudem.scene.motion import Linear, Oscillate, Rotate
 from gpudem.walls.motion import WallPath
+from reference.liggghts.step_files import Written, lines
 from reference.liggghts.walls import number, vector
 
 #: Most groups of a deck: LIGGGHTS has 32, `all` and three of ours among them.
@@ -100,29 +102,76 @@ def loads(scene: Scene) -> list[GroupLoad]:
 
 def names(scene: Scene) -> list[str]:
     """The history's columns of groups, as gpudem's."""
-    return [column.name for name in scene.output.group_forces for column in observables.of_group(name)]
+    columns = [column.name for group in scene.loaded_groups for column in observables.of_group(group)]
+    return [name for name in columns if name not in {f"work_{name}" for name in _without_work(scene)}]
 
 
-def history(scene: Scene, thermo: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The columns of groups by name, as gpudem's; thermo: columns by the words of the deck, and `step`."""
+def warnings(scene: Scene) -> list[str]:
+    """What is left out of the history's columns of groups, a sentence each."""
+    return [
+        f"history column work_{name} is left out: LIGGGHTS moves particles in through periodic sides at list"
+        " rebuilds only, and the torque of a group that turns jumps"
+        for name in _without_work(scene)
+    ]
+
+
+def _without_work(scene: Scene) -> list[str]:
+    """Groups that turn, across periodic sides."""
+    turning = [g.name for g in scene.loaded_groups if any(motion.turns for motion in g.motion)]
+    return turning if any(scene.domain.periodic) else []
+
+
+def written(scene: Scene) -> list[Written]:
+    """The groups of which each step's load is written, for their work."""
+    left_out = _without_work(scene)
+    moving = [group.name for group in scene.loaded_groups if group.motion and group.name not in left_out]
+    return [Written(load.name, (), tuple(load.columns)) for load in loads(scene) if load.name in moving]
+
+
+def history(scene: Scene, raw: Path, thermo: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The columns of groups by name, as gpudem's; thermo: columns by the words of the deck, and `step`.
+
+    Raises LiggghtsOutputError.
+    """
     found: dict[str, np.ndarray] = {}
-    gravity = scene.gravity_at(thermo["step"])
-    for load in loads(scene):
-        group = next(group for group in scene.groups if group.name == load.name)
-        rows = group.rows(scene)
-        mass, place = scene.masses[rows], scene.masses[rows] @ scene.state.position[rows]
+    worked = {one.name for one in written(scene)}
+    for load, group in zip(loads(scene), _in_order(scene), strict=True):
+        steps = thermo["step"]
         table = np.stack([thermo[word] for word in load.columns], axis=1)
-        weight = mass.sum() * gravity
-        moment = np.tile(place, (len(gravity), 1))
+        values = [*_of_contacts(scene, group, steps, table).T]
         if group.motion:
-            poses = WallPath(group.motion, scene.time.step).at(0, scene.n_steps + 1)
-            rotation, shift = poses.rotation[thermo["step"]], poses.shift[thermo["step"]]
-            moment = rotation @ place + mass.sum() * shift
-        moment = moment - mass.sum() * np.array(group.reference)
-        values = table - np.concatenate([weight, np.cross(moment, gravity)], axis=1)
-        columns = observables.of_group(load.name)
-        found |= {column.name: v for column, v in zip(columns, values.T, strict=True)}
+            values.append(_work(scene, group, raw)[steps] if load.name in worked else np.zeros(len(steps)))
+        columns = observables.of_group(group)
+        found |= {column.name: v for column, v in zip(columns, values, strict=True)}
     return {name: found[name] for name in names(scene)}
+
+
+def _in_order(scene: Scene) -> list[Group]:
+    """The groups of `loads`."""
+    return [group for group in scene.groups if group.name in scene.output.group_forces]
+
+
+def _of_contacts(scene: Scene, group: Group, steps: np.ndarray, table: np.ndarray) -> np.ndarray:
+    """Force and torque about the reference, (k, 6), of the contacts alone, in these steps [N, N m]."""
+    rows, gravity = group.rows(scene), scene.gravity_at(steps)
+    mass, place = scene.masses[rows].sum(), scene.masses[rows] @ scene.state.position[rows]
+    moment = np.tile(place, (len(gravity), 1))
+    if group.motion:
+        poses = WallPath(group.motion, scene.time.step).at(0, scene.n_steps + 1)
+        moment = poses.rotation[steps] @ place + mass * poses.shift[steps]
+    moment = moment - mass * np.array(group.reference)
+    return table - np.concatenate([mass * gravity, np.cross(moment, gravity)], axis=1)
+
+
+def _work(scene: Scene, group: Group, raw: Path) -> np.ndarray:
+    """Work of a group on the particles since the start in every step [J], shape (steps + 1,)."""
+    steps = np.arange(scene.n_steps + 1)
+    load = _of_contacts(scene, group, steps, lines(scene, raw, group.name))
+    poses = WallPath(group.motion, scene.time.step).at(0, len(steps))
+    at = poses.velocity_at(np.tile(group.reference, (len(steps), 1)))
+    power = np.sum(load[:, :3] * at, axis=1) + np.sum(load[:, 3:] * poses.spin, axis=1)
+    power[0] = 0.0  # the set-up takes no time
+    return -np.cumsum(power) * scene.time.step  # mutate: work_of_group_load
 
 
 def _members(ids: np.ndarray) -> tuple[str, ...]:

@@ -59,11 +59,16 @@ def warnings(scene: Scene) -> list[str]:
             )
     if scene.contact.mesh_contacts != "liggghts":
         found += _lost_springs(scene)
-    found += [*wall_loads.warnings(scene), *removal.warnings(scene), *flow.warnings(scene)]
+    found += [
+        *wall_loads.warnings(scene),
+        *groups.warnings(scene),
+        *removal.warnings(scene),
+        *flow.warnings(scene),
+    ]
     contact = scene.contact
     at_setup = scene.needs.history and contact.tangential_damping and not contact.frictionless_dashpot
-    groups = scene.contact_groups.items()
-    with_history = [pairs for names, pairs in groups if acting(names, pairs).history]
+    kinds = scene.contact_groups.items()
+    with_history = [pairs for names, pairs in kinds if acting(names, pairs).history]
     without = [p.pair for pairs in with_history for p in pairs if p.pair.friction == 0] if at_setup else []
     if without and (len(scene.segments) > 1 or scene.start_overlap > 0):
         names = ", ".join(dict.fromkeys(" / ".join(pair.materials) for pair in without))

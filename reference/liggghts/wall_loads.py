@@ -24,6 +24,7 @@ from gpudem.scene.walls import Wall
 from reference.liggghts import groups
 from reference.liggghts.contact_model import laws_of
 from reference.liggghts.errors import LiggghtsOutputError
+from reference.liggghts.step_files import Written, lines
 from reference.liggghts.walls import foot, number, path
 
 #: A belt lies in a face if this share of its velocity, or less, is across it.
@@ -46,17 +47,6 @@ class Load:
     def words(self) -> str:
         """The columns as the end of a line."""
         return "".join(f" {word}" for word in self.columns)
-
-
-@dataclasses.dataclass(frozen=True)
-class Written:
-    """A wall of which each step's load is written to a file, a line a step."""
-
-    name: str
-    ways: tuple[str, ...]
-    """Of a servo: formulas of its way from the start [m]."""
-    columns: tuple[str, ...]
-    """Words of its load."""
 
 
 def warnings(scene: Scene) -> list[str]:
@@ -197,7 +187,7 @@ def written(scene: Scene) -> list[Written]:
 def servo_ways(scene: Scene, folder: Path) -> dict[str, np.ndarray]:
     """How far each servo wall is from its place at the start in every step [m], (steps + 1, 3), by name."""
     walls = [scene.wall_elements[w].name for w in scene.servos]
-    return {name: _lines(scene, folder, name)[:, 6:] for name in walls}
+    return {name: lines(scene, folder, name)[:, 6:] for name in walls}
 
 
 def triangle_forces(scene: Scene, folder: Path, step: int) -> dict[str, np.ndarray]:
@@ -261,27 +251,15 @@ def _work(scene: Scene, wall: Wall, folder: Path) -> np.ndarray:
     dt, count = scene.time.step, scene.n_steps + 1
     if wall.name not in scene.moving_walls or not _has_work(scene, wall):
         return np.zeros(count)
-    lines = _lines(scene, folder, wall.name)
-    force, torque = _load(wall).sign * lines[:, :3], _load(wall).sign * lines[:, 3:6]
+    table = lines(scene, folder, wall.name)
+    force, torque = _load(wall).sign * table[:, :3], _load(wall).sign * table[:, 3:6]
     power = np.zeros(count)
     if wall.surface_velocity is not None:
         power = force @ np.array(wall.surface_velocity)
-    elif lines.shape[1] > 6:
-        power[1:] = np.sum(force[1:] * np.diff(lines[:, 6:], axis=0) / dt, axis=1)
+    elif table.shape[1] > 6:
+        power[1:] = np.sum(force[1:] * np.diff(table[:, 6:], axis=0) / dt, axis=1)
     else:
         poses = path(scene, wall.name).at(0, count)
         point = poses.rotation @ np.array(wall.torque_point) + poses.shift
         power = np.sum(force * poses.velocity_at(point), axis=1) + np.sum(torque * poses.spin, axis=1)
     return -np.cumsum(power) * dt  # mutate: work_of_load
-
-
-def _lines(scene: Scene, folder: Path, name: str) -> np.ndarray:
-    """The file of a wall, with zeros for the set-up: shape (steps + 1, columns)."""
-    path, steps = folder / f"load_{name}.txt", np.arange(1, scene.n_steps + 1)
-    try:
-        table = np.loadtxt(path, ndmin=2)
-    except (OSError, ValueError) as error:
-        raise LiggghtsOutputError(f"{path}: {error}") from None
-    if table.size == 0 or not np.array_equal(table[:, 0], steps) or not np.isfinite(table).all():
-        raise LiggghtsOutputError(f"{path}: not a line of numbers for each of the steps 1 to {steps[-1]}")
-    return np.concatenate([np.zeros((1, table.shape[1] - 1)), table[:, 1:]])

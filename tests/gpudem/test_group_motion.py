@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gpudem import Simulation
 from gpudem.driver import simulate as run
 from gpudem.scene import Scene
 from gpudem.scene.groups import paths
@@ -62,6 +63,56 @@ def test_a_ball_pushed_by_a_moved_one():
     # damping of half the mass, motion of the whole: eta -> eta/sqrt(2), restitution 0.8^0.7 of Hertz
     assert trace["velocity"][-1, 1, 0] == pytest.approx(1 + 0.8**0.7, abs=0.02)
     assert not trace["force"][-1].any()
+
+
+def test_work_is_the_energy_gained():
+    """A ball hit elastically: what it gains is the work of what hits it.
+
+    Detects: the work left out, with its sign turned, or with the force of gravity in it.
+    """
+    scene = Scene(
+        name="hit", materials=MATERIALS, pairs=[{**PAIRS[0], "friction": 0.0, "restitution": 1.0}],
+        particles={"source": "explicit", "position": [(0, 0, 0), (0.0201, 0.003, 0)], "radius": 0.01,
+                   "material": "ball"},
+        groups=[{"name": "pusher", "ids": [1], "motion": [{"type": "linear", "velocity": (1.0, 0, 0.5)}]}],
+        gravity=(0, 0, -9.81),
+        output={"history_every": 1e-5, "trace_every": 1e-5, "group_forces": ["pusher"]},
+        domain={"lo": (-1, -1, -1), "hi": (1, 1, 1)}, time={"step": 1e-6, "duration": 6e-3},
+    )  # fmt: skip
+    found = run(scene)
+    assert found.trace is not None
+    assert found.history is not None
+    v, z = found.trace["velocity"][:, 1], found.trace["position"][:, 1, 2]
+    energy = scene.masses[1] * ((v**2).sum(axis=1) / 2 + 9.81 * z)
+    assert not found.history.force_pusher_x.iloc[-1]
+    assert energy[-1] - energy[0] > 0.01
+    assert found.history.work_pusher.iloc[-1] == pytest.approx(energy[-1] - energy[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("half_list", [True, False])
+def test_work_of_forces_and_torques(half_list):
+    """The sums on the device against those of every step of a trace, of two groups that turn and rise.
+
+    Detects: forces of partners that a half list adds later, the torque left out, work of the other group.
+    """
+    turn = {"type": "swing", "axis": (0, 1, 0), "point": (0.12, 0, 0), "amplitude": 0.02, "period": 0.02}
+    groups = [{"name": "shaken", "ids": np.arange(1, 101), "motion": MOTIONS["turned while it rises"]},
+              {"name": "spun", "ids": np.arange(101, 201), "motion": [turn]}]  # fmt: skip
+    scene = shaken(groups=groups, time={"step": 2e-5, "duration": 0.015})
+    held, total = scene.held, np.zeros(2)
+    with Simulation.of_solver(Solver(scene, threads=1, half_list=half_list)) as sim:
+        sim._solver.start(write=True)
+        for _ in range(scene.n_steps):
+            sim.step()
+            force, torque, v, w = (
+                sim.read(name).numpy() for name in ("force", "torque", "velocity", "angular_velocity")
+            )
+            force = force - scene.masses[:, None] * np.array(scene.gravity)
+            power = np.sum(force * v, axis=1) + np.sum(torque * w, axis=1)
+            total -= [power[held == k].sum() * 2e-5 for k in (1, 2)]
+        works = sim.view(sim.step_count).group_works
+    assert np.abs(total).min() > 1e-7
+    assert [works["shaken"], works["spun"]] == pytest.approx(total.tolist(), rel=1e-9)
 
 
 @pytest.fixture(scope="module")

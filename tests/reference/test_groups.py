@@ -103,7 +103,8 @@ def test_motion_agrees_with_binary(motion, tmp_path, liggghts):
         assert np.nanmax(np.abs(run.trace[name] - ours.trace[name])) < TOLERANCE * scale, name
     assert run.history is not None
     assert ours.history is not None
-    for name in ours.history.columns[-6:]:
+    assert list(run.history.columns) == list(ours.history.columns)
+    for name in [*ours.history.columns[-6:], "work_base"]:
         scale = float(np.abs(ours.history[name].to_numpy()).max())
         assert scale > 1e-6, name
         assert np.abs(run.history[name] - ours.history[name]).max() < TOLERANCE * scale, name
