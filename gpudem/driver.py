@@ -131,11 +131,12 @@ def _run(
         return conclude(result, path is not None, failure)
 
 
-def _energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]:
+def _energy_warnings(simulation: Solver, history: pandas.DataFrame | None) -> list[str]:
     """Of the energies in time, where the history has them all."""
+    scene, left = simulation.scene, simulation.departures
     if history is None or not {"kinetic_energy", "rotational_energy", "potential_energy"} <= set(history):
         return []
-    return guards.energy_warnings(scene, history)
+    return guards.energy_warnings(scene, history, left.energy_up_to(history.step.to_numpy()))
 
 
 def _result(
@@ -168,7 +169,7 @@ def _result(
             precision=scene.solver.precision,
             peak_memory_bytes=peak_memory(),
         ),
-        warnings=checks.warnings(scene) + rounded + _energy_warnings(scene, recorder.history),
+        warnings=checks.warnings(scene) + rounded + _energy_warnings(simulation, recorder.history),
         notes=notes,
         trace=recorder.trace,
         history=recorder.history,

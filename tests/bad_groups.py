@@ -30,6 +30,14 @@ GROUPS = [
     grouped("id 0", "[1]", "[0]", "groups[0].ids = [0]: row 1 is 0; must be ids, whole numbers from 1"),
     grouped("half an id", "[1]", "[1, 1.5]", "row 2 is 1.5; must be ids, whole numbers from 1"),
     grouped("id of no particle", "[1]", "[1, 7]", "groups[0].ids: 7: no such particle; allowed: 1 to 2, those at the start"),
+    Bad("id of an inserted particle", {"[domain]": f"""[[insert]]
+kind = "list"
+time = 0.01
+position = [[0.0, 0.0, 0.1]]
+radius = 0.003
+material = "ps"
+[[groups]]
+{GROUP.replace("[1]", "[3]")}[domain]"""}, ("groups[0].ids: 3: is inserted during the run, and stays free; allowed: 1 to 2",)),
     grouped("no ids", "[1]", "[]", "groups[0]: no particle at the start is in group 'base'"),
     grouped("unknown material of a group", "ids = [1]", 'material = "sp"', "groups[0].material = 'sp': no such material; known: acrylic, ps"),
     grouped("group of a material of no particle", "ids = [1]", 'material = "acrylic"', "no particle at the start is in group 'base'"),

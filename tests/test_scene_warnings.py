@@ -174,6 +174,13 @@ ROWS: list[tuple[str, dict[str, Any], list[str]]] = [
     ("gate", gate(removed_at=0.05), []),
     ("usual step", {"time": {"step": 5e-5}},
         ["time.step = 5e-05 s: above the usual 0.05 of the Hertz contact time, "]),
+    ("group of inserted particles", {
+        "groups": [{"name": "base", "region": {"kind": "sphere", "center": [0.03, 0, 0.05], "radius": 0.06},
+                    "frozen": True}],
+        "particles": {"position": [[0.03, 0, 0.05], [-0.08, 0, 0.05]], "velocity": None},
+        "insert": [{"kind": "list", "time": 0.01, "position": [[0.04, 0, 0.08]], "radius": 0.003,
+                    "material": "ps"}]},
+        ["groups[0]: no effect on 1 particles that are inserted during the run and would be in 'base'"]),
     # what else
     ("nothing moves", {"gravity": [0, 0, 0], "particles": {"velocity": None}},
         ["no gravity and no start velocity: nothing moves unless particles overlap"]),

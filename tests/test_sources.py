@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gpudem.driver import simulate
 from gpudem.output.directory import load_scene, save_scene
 from gpudem.scene import InsertList, Scene, checks
+from gpudem.scene.insertion import _flight
+from gpudem.scene.regions import Block
 
 MATERIALS = {
     "glass": {"young": 5e7, "poisson": 0.3, "density": 2500.0},
@@ -194,6 +197,32 @@ def test_the_start_and_other_insertions_are_in_the_way():
     made = scene(listed, PACK)
     gap = np.linalg.norm(made.state.position[1:] - made.state.position[0], axis=1) - 0.034
     assert 0 < gap.min() < 0.005
+
+
+def test_flight_through_phases_of_gravity():
+    """Where free flight takes particles is where a run takes them, through changes of gravity.
+
+    Detects: gravity of the start only, a change a step apart, the half kick of the step of insertion left
+    out; the pitch of a stream by the gravity of another phase.
+    """
+    phases = [{"start": 0.004, "gravity": (3.0, 0, 5.0)}, {"start": 0.007, "gravity": (0, -4.0, 0)}]
+    listed = {"kind": "list", "time": [0.001, 0.004, 0.00401, 0.008], "radius": 0.003, "material": "glass",
+              "position": [(0.02 * k, 0.05, 0.1) for k in range(1, 5)],
+              "velocity": [(0, 0, -0.5)] * 4}  # fmt: skip
+    made = scene(
+        listed, phases=phases, walls=[], time={"step": STEP, "duration": 0.01}, output={"trace_every": 0.01}
+    )
+    trace = simulate(made).trace
+    assert trace is not None
+    flight = _flight(made, made.insertion_lists)
+    place, _ = flight.near(Block(kind="block", lo=(0, 0, 0), hi=(0.1, 0.1, 0.2)), 0.0, 0.01)
+    assert np.abs(place - trace["position"][-1]).max() < 1e-14  # rounding of 1000 steps
+    slow = STREAM | {"velocity": (0, 0, -0.6), "number_rate": 1000.0}
+    heavy = [{"start": 0.05, "gravity": (0, 0, 9.81)}]
+    pitch = [len(scene(slow, phases=p).insertion_steps) for p in ((), heavy)]
+    assert pitch[0] > pitch[1]
+    late = scene(slow | {"end": 0.05}, phases=heavy)
+    assert len(late.insertion_steps) == pytest.approx(pitch[0] / 2, abs=1)
 
 
 def test_through_periodic_sides():

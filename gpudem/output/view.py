@@ -175,7 +175,7 @@ class View:
 
         def found() -> tuple[np.ndarray, np.ndarray]:
             group = next(group for group in self.scene.groups if group.name == name)
-            members = group.rows(self.scene)
+            members = np.intersect1d(group.rows(self.scene), self.rows)  # one that moves may have left
             at = np.searchsorted(self.rows, members)
             force = contact_force(self.scene, self.step, members, self.numpy("force")[at])
             lever = self.numpy("position")[at] - np.array(group.reference)

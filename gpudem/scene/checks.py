@@ -77,7 +77,10 @@ def problems(scene: Scene, invalid: Collection[str] = ()) -> list[str]:
     speed = run_check(_speed_units, "contact", "allow")
     run_check(_duration, "time")
     drawn = any(isinstance(insert, Source) for insert in scene.insert)
-    if not (particles and run_check(_state, *(("time", "gravity", "domain", "materials") if drawn else ()))):
+    if not (
+        particles
+        and run_check(_state, *(("time", "gravity", "phases", "domain", "materials") if drawn else ()))
+    ):
         return found
     grouped = walls and run_check(groups.problems, "groups", "output", "gravity")
     paired = pairs and walls and run_check(_pairs, "contact")

@@ -152,8 +152,10 @@ def problems(scene: Scene) -> list[str]:
         try:
             rows = group.rows(scene)
         except IndexError as error:
-            found.append(f"{key}.ids: {error.args[0]}: no such particle; allowed: 1 to {scene.start_count},"
-                         " those at the start")  # fmt: skip
+            inserted = error.args[0] <= len(scene.stated_particles)
+            what = "is inserted during the run, and stays free" if inserted else "no such particle"
+            allowed = f"1 to {scene.start_count}, those at the start"
+            found.append(f"{key}.ids: {error.args[0]}: {what}; allowed: {allowed}")
             continue
         if not len(rows):
             found.append(f"{key}: no particle at the start is in group {group.name!r}")

@@ -193,7 +193,11 @@ def _flight(scene: Scene, lists: list[ParticleFile]) -> Flight:
     domain, step = scene.domain, scene.time.step
     lo = np.array(domain.lo)
     period = np.where(domain.periodic, np.array(domain.hi) - lo, 0.0)
-    flight = Flight(lo, period, np.array(scene.gravity), step if step < scene.time.duration else 0.0)
+    gravity, step = [scene.gravity], step if step < scene.time.duration else 0.0
+    for phase in scene.phases:
+        gravity.append(phase.gravity or gravity[-1])
+    starts = [scene.steps(phase.start) * step if step else phase.start for phase in scene.phases]
+    flight = Flight(lo, period, np.array(gravity), step, np.array(starts))
     flight.start = scene.stated_at_start
     for found in lists:
         assert found.time is not None

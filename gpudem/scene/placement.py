@@ -35,9 +35,11 @@ class Flight:
     period: np.ndarray
     """Length along periodic axes [m], 0 along others."""
     gravity: np.ndarray
-    """Acceleration [m/s2]."""
+    """Acceleration [m/s2], of each phase, shape (p, 3)."""
     step: float
     """Time step [s]: within its step an inserted particle gets half a kick."""
+    changes: np.ndarray = dataclasses.field(default_factory=lambda: np.empty(0))
+    """When gravity changes [s], ascending: start of each phase but the first, shape (p - 1,)."""
     start: InitialState = dataclasses.field(default_factory=InitialState.none)
     """Particles at the start: they are where they are stated in the first step; later ones are not known."""
     position: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 3)))
@@ -55,7 +57,7 @@ class Flight:
     def near(self, region: Region, reach: float, time: float) -> tuple[np.ndarray, np.ndarray]:
         """(positions [m], radii [m]) at a time [s] of the particles that come within `reach` of a region."""
         t = np.where(self.time <= time, time - self.time, np.nan)[:, None]
-        place = self.position + self.velocity * t + self.gravity * (t * t + t * self.step) / 2
+        place = self.position + self.velocity * t + self._fallen(time)
         periodic = self.period > 0
         place[:, periodic] = self.lo[periodic] + (place - self.lo)[:, periodic] % self.period[periodic]
         low, high = region.bounds()
@@ -65,6 +67,28 @@ class Flight:
         first = len(self.start) if time <= self.step else 0
         return (np.concatenate([self.start.position[:first], place[keep]]),
                 np.concatenate([self.start.radius[:first], self.radius[keep]]))  # fmt: skip
+
+    def _fallen(self, time: float) -> np.ndarray:
+        """How far gravity has moved each particle up to a time [m], (n, 3); NaN of those that come later.
+
+        An inserted particle gets half a kick in its own step. In a phase in which it is from a to b of its
+        flight to t it falls by g ((t - a)^2 - (t - b)^2)/2, and by g t dt/2 more for that half kick.
+        """
+        t = np.where(self.time <= time, time - self.time, np.nan)[:, None]
+        if not len(self.changes):
+            return self.gravity[0] * (t * t + t * self.step) / 2
+        edges = np.array([-np.inf, *self.changes, np.inf])
+        begin = np.clip(edges[:-1, None], self.time, time)  # (p, n): since when each phase acts on each
+        end = np.clip(edges[1:, None], self.time, time)
+        way = ((time - begin) ** 2 - (time - end) ** 2) / 2  # mutate: fall_of_phase
+        first = np.searchsorted(self.changes, self.time, side="left")
+        return way.T @ self.gravity + self.gravity[first] * t * self.step / 2
+
+    def pull(self, direction: np.ndarray, begin: float, end: float) -> float:
+        """The least gravity along a direction [m/s2] in the phases of a span of time [s]."""
+        first = int(np.searchsorted(self.changes, begin, side="right"))
+        last = max(first, int(np.searchsorted(self.changes, end, side="left")))
+        return float((self.gravity[first : last + 1] @ direction).min())
 
 
 def place(

@@ -46,7 +46,7 @@ MANY_BYTES = 2e9
 
 def without_effect(scene: Scene) -> list[str]:
     """Settings that nothing in this scene reads, or that cannot act in it."""
-    checks = (_materials, _pairs, _contact, _laws_of_walls, _particles, _walls, _solver)
+    checks = (_materials, _pairs, _contact, _laws_of_walls, _particles, _groups, _walls, _solver)
     return [sentence for check in checks for sentence in check(scene)]
 
 
@@ -193,6 +193,24 @@ def _particles(scene: Scene) -> Iterator[str]:
                     f"particles.radius[{k}] = {part.radius:g} m:"
                     f" none of the {particles.count} particles has it; its share is {part.share:g}"
                 )
+
+
+def _groups(scene: Scene) -> Iterator[str]:
+    """Groups that would have particles of the insertions too, which stay free."""
+    later, first = scene.stated_particles, scene.start_count
+    for k, group in enumerate(scene.groups):
+        if group.ids is not None or not scene.insert:
+            continue
+        more = np.ones(len(later) - first, bool)
+        if group.material is not None:
+            more &= later.material[first:] == scene.material_index[group.material]
+        if group.region is not None:
+            more &= group.region.depth(later.position[first:]) >= 0
+        if more.any():
+            yield (
+                f"groups[{k}]: no effect on {int(more.sum())} particles that are inserted during the run and"
+                f" would be in {group.name!r}: they stay free"
+            )
 
 
 def _walls(scene: Scene) -> Iterator[str]:

@@ -501,7 +501,8 @@ class InsertStream(Rated):
         """Time between layers [s], in whole steps. Raises ValueError: they do not leave the face."""
         normal = self.face.normal
         speed = float((np.array(self.velocity) * normal).sum())
-        pull = float((around.flight.gravity * normal).sum()) * (1 if speed >= 0 else -1)
+        end = around.end if self.end is None else self.end
+        pull = around.flight.pull(normal * (1 if speed >= 0 else -1), self.start, end)
         speed, way = abs(speed), 2 * largest * (1 + 10 * CLEARANCE)
         if speed <= 1e-9 * math.hypot(*self.velocity) or speed == 0:
             raise ValueError(f"velocity = {self.velocity}: does not lead through the face [m/s]")

@@ -76,25 +76,30 @@ def inserted_energy(scene: Scene, steps: np.ndarray) -> np.ndarray:
     return total[np.searchsorted(scene.arrival_steps[first:], steps, side="right")]
 
 
-def energy_warnings(scene: Scene, history: pandas.DataFrame | None) -> list[str]:
+def energy_warnings(
+    scene: Scene, history: pandas.DataFrame | None, left: np.ndarray | float | None = None
+) -> list[str]:
     """Whether kinetic + potential energy grew above its start, which nothing dissipative and closed can do.
 
-    What inserted particles bring is taken off. Scale: the kinetic energy at the start and the energy of a
+    What inserted particles bring is taken off, and what has left by each row of the history [J] is added;
+    where that is not known, and beside periodic sides, scenes with open sides are left out. Scale: the
+    kinetic energy at the start and the energy of a
     fall by one diameter. Particles that overlap at the start release elastic energy: a growth within that has
     its own cause, and another sentence. Scenes with walls that move or that come in the run, with phases or
     groups that move, which do work, and those that waive the check of start overlaps, or with cohesion or
-    adhesion, whose energy is not in the history, or with open sides, through which energy leaves, are left
-    out.
+    adhesion, whose energy is not in the history, are left out.
     """
     driven = scene.needs.vibration or any(scene.comings(wall) for wall in scene.wall_elements)
     driven = driven or scene.phases or any(group.motion for group in scene.groups)
     attracted = scene.needs.cohesion or scene.contact_range > 0
-    closed = scene.needs.damping and not (driven or attracted or scene.exits) and "overlap" not in scene.allow
+    unknown = bool(scene.exits) and (left is None or scene.needs.periodic)
+    closed = scene.needs.damping and not (driven or attracted or unknown) and "overlap" not in scene.allow
     if history is None or not closed or len(history) < 2:
         return []
     energy = history[["kinetic_energy", "rotational_energy", "potential_energy"]].to_numpy().sum(axis=1)
     if scene.insert:
         energy = energy - inserted_energy(scene, history.step.to_numpy())  # mutate: inserted_energy
+    energy = energy + (0.0 if left is None else left)
     fall = float(scene.masses @ (2 * scene.state.radius)) * float(np.linalg.norm(scene.gravity))
     kinetic = float(history.kinetic_energy.iloc[0] + history.rotational_energy.iloc[0])
     growth = (energy - energy[0]) / max(kinetic + fall, 1e-300)

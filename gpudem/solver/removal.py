@@ -150,19 +150,44 @@ class Departures:
         self.exit = np.full(len(scene.state), -1, np.int64)
         self._place = np.zeros((len(scene.state) if scene.output.flow else 0, 3))
         """Where each was when it left [m]; kept where flow is counted."""
+        self.energy = np.zeros(len(scene.state))
+        """Kinetic and potential energy that each took along [J]; 0 of those that are there."""
         self._count = 0
 
-    def record(self, rows: np.ndarray, exits: np.ndarray, step: int, position: np.ndarray) -> None:
-        """These particles have left through these exits before the forces of a step."""
+    def record(self, rows: np.ndarray, exits: np.ndarray, step: int, bodies: Any) -> None:
+        """These particles have left through these exits before the forces of a step, which would have given
+        them the second half of the kick.
+        """
+        position = bodies["position"]
+        self.energy[rows] = self._energies(rows, step, bodies)
         self.step[rows] = step  # mutate: step_of_leaving
         self.exit[rows] = exits
         self._count += len(rows)
         if len(self._place):
             self._place[rows] = position
 
+    def _energies(self, rows: np.ndarray, step: int, bodies: Any) -> np.ndarray:
+        """Kinetic and potential energy [J] of particles that leave: at full-step velocities, were gravity the
+        only force.
+        """
+        scene, mass = self.scene, self.scene.masses[rows]
+        gravity = scene.gravity_at(np.array([step]))[0]
+        v = bodies["velocity"] + gravity * scene.time.step / 2
+        kinetic = mass * (v**2).sum(axis=1)
+        if "angular_velocity" in (bodies.dtype.names or ()):
+            inertia = 0.4 * mass * scene.state.radius[rows] ** 2
+            kinetic += inertia * (bodies["angular_velocity"] ** 2).sum(axis=1)
+        return kinetic / 2 - mass * (bodies["position"] @ gravity)  # mutate: energy_that_leaves
+
+    def energy_up_to(self, steps: np.ndarray) -> np.ndarray:
+        """Energy [J] that has left by each of these steps."""
+        order = np.argsort(self.step, kind="stable")
+        total = np.concatenate([[0.0], np.cumsum(self.energy[order])])
+        return total[np.searchsorted(self.step[order], steps, side="right")]
+
     def saved(self) -> dict[str, np.ndarray]:
         """For a restart file."""
-        found = {"left_step": self.step, "left_exit": self.exit}
+        found = {"left_step": self.step, "left_exit": self.exit, "left_energy": self.energy}
         return {**found, "left_place": self._place} if len(self._place) else found
 
     def load(self, saved: dict[str, np.ndarray]) -> None:

@@ -384,7 +384,7 @@ class Solver:
         """The last particles of the sorted order leave, before the forces of the step to come."""
         present = self.state.present
         bodies: Any = self.state.now[present - len(rows) : present].numpy()
-        self.departures.record(rows, exits, self.step_count + 1, bodies["position"])
+        self.departures.record(rows, exits, self.step_count + 1, bodies)
         self._set_present(self.state.present - len(rows))
 
     def _set_present(self, count: int) -> None:

@@ -145,3 +145,37 @@ def test_what_is_written_by_hand():
         sim.write("velocity", np.array([(0, 0, 0), (0, 0, 0.5)]))
         sim.step(10)
         assert sim.read("position").numpy()[1, 2] > 0.0201
+
+
+def thrown(halvings: int, friction: float, integrator: str = "path", **options: Any) -> np.ndarray:
+    """Velocity of a ball after an oblique hit on a frozen one, with a step of 20 us halved so many times."""
+    scene = Scene(
+        name="thrown", materials=MATERIALS, pairs=[{**PAIRS[0], "restitution": 0.6, "friction": friction}],
+        particles={"source": "explicit", "position": [(0, 0, 0), (0.0223, 0.004, 0.001)],
+                   "radius": [0.01, 0.012], "velocity": [(0, 0, 0), (-1.0, 0.1, 0.0)], "material": "ball"},
+        groups=[{"name": "target", "ids": [1], "frozen": True}],
+        contact={"limit_force": True, "tangential_damping": False}, solver={"integrator": integrator},
+        domain={"lo": (-0.1, -0.1, -0.1), "hi": (0.1, 0.1, 0.1)},
+        time={"step": 2e-5 / 2**halvings, "duration": 0.008}, allow=["time_step"],
+    )  # fmt: skip
+    frame = finish(Solver(scene, threads=1, **options))
+    assert not frame["velocity"][0].any()
+    assert not frame["position"][0].any()
+    return frame["velocity"][1]
+
+
+def test_path_is_of_second_order_at_a_frozen_ball():
+    """2 in theory; `half_step` is far off.
+
+    Detects: a frozen ball whose predicted velocity is not 0, windows of half a step with another mass.
+    """
+    exact = thrown(7, 0.0)
+    error = [np.abs(thrown(k, 0.0) - exact).max() for k in (0, 4)]
+    assert 1.8 < np.log2(error[0] / error[1]) / 4 < 2.4, error
+    assert np.abs(thrown(4, 0.0, "half_step") - exact).max() > 50 * error[1]
+    assert np.abs(exact - (-1.0, 0.1, 0.0)).max() > 1
+
+
+def test_path_with_a_full_list():
+    """Detects: windows of a contact with a frozen ball on one side of the pair only."""
+    assert np.abs(thrown(1, 0.3) - thrown(1, 0.3, half_list=False)).max() < 1e-12

@@ -10,6 +10,7 @@ from gpudem.scene import Scene
 from reference import liggghts as code
 from reference.liggghts.deck import render
 from tests.reference.test_insertion import pouring
+from tests.reference.test_removal import running_out
 
 #: Of a diameter: contacts multiply rounding.
 TOLERANCE = 1e-9
@@ -36,6 +37,7 @@ def on_base(**changes) -> Scene:
     return pouring(**{**data, **changes})
 
 
+SHAKE = {"type": "oscillate", "amplitude": (0.003, 0, 0.001), "period": 0.02}
 ROLLING = {"contact": {"rolling": "epsd"}}
 
 
@@ -105,6 +107,41 @@ def test_motion_agrees_with_binary(motion, tmp_path, liggghts):
     assert ours.history is not None
     assert list(run.history.columns) == list(ours.history.columns)
     for name in [*ours.history.columns[-6:], "work_base"]:
+        scale = float(np.abs(ours.history[name].to_numpy()).max())
+        assert scale > 1e-6, name
+        assert np.abs(run.history[name] - ours.history[name]).max() < TOLERANCE * scale, name
+
+
+@pytest.mark.liggghts
+@pytest.mark.parametrize("held", [{"frozen": True}, {"motion": [SHAKE]}], ids=["frozen", "moved"])
+def test_open_side_agrees_with_binary(held, tmp_path, liggghts):
+    """Balls run out over a base, through an open side.
+
+    Detects: rows of a group that shift when others have left, a force of one that has left on a base, a base
+    that leaves.
+    """
+    stated = on_base().model_dump()["particles"]
+    columns = {key: np.roll(stated[key], 2, axis=0) for key in ("position", "radius", "material")}
+    start = stated | columns  # two free balls first, which leave
+    output = {"trace_every": 1e-4, "history_every": 1e-4, "frames_every": 0.01, "group_forces": ["base"]}
+    groups = [{"name": "base", "ids": np.arange(3, 12), **held}]
+    scene = running_out(particles=start, groups=groups, output=output)
+    run, ours = code.run(scene, tmp_path), simulate(scene)
+    assert run.trace is not None
+    assert ours.trace is not None
+    gone = np.isnan(ours.trace["position"][-1, :, 0])
+    assert gone.sum() > 5
+    assert gone[:2].all()
+    assert not gone[2:11].any()
+    for name in ("position", "velocity", "angular_velocity", "force", "torque"):
+        scale = np.nanmax(np.abs(ours.trace[name]))
+        assert np.array_equal(np.isnan(run.trace[name]), np.isnan(ours.trace[name])), name
+        assert np.nanmax(np.abs(run.trace[name] - ours.trace[name])) < TOLERANCE * scale, name
+    assert run.history is not None
+    assert ours.history is not None
+    for name in [
+        column for column in ours.history.columns if column.endswith(("base_x", "base_z", "work_base"))
+    ]:
         scale = float(np.abs(ours.history[name].to_numpy()).max())
         assert scale > 1e-6, name
         assert np.abs(run.history[name] - ours.history[name]).max() < TOLERANCE * scale, name
