@@ -563,7 +563,6 @@ def step_kernel(spec: Spec, plain: bool = False, lanes: int = 1) -> Any:
                 contacts += 2  # those of particles count at both  # mutate: wall_contact_count
                 act(params, walls, particles, launch, mode, k, wall, i, f, -rolling, point, v_wall)
                 store(particles, k, entry, other, spring, stored, mode)
-
         force, torque, contacts = add_lanes(
             particles, output, params.n, i, lane, mode & WRITE, force, torque, contacts
         )
