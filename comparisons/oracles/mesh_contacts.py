@@ -100,8 +100,8 @@ class Surface:
 class LiggghtsRule:
     """LIGGGHTS' rule for one ball at one mesh, with its memory of the last step.
 
-    Source: black-box runs of LIGGGHTS 3.8.0, random positions about squares, corners, cubes and faceted
-    spheres; 99.8 % of 16 700 forces follow from it, the rest are edge contacts near nodes at obtuse corners.
+    Source: black-box runs of LIGGGHTS 3.8.0, random positions about squares, corners, cubes, faceted spheres
+    and folds.
     """
 
     def __init__(self, corners: np.ndarray, curvature: float):
@@ -109,7 +109,7 @@ class LiggghtsRule:
         self.corners, self.nodes, self.curvature = corners, numbered_nodes(corners), curvature
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         unit = normal / np.linalg.norm(normal, axis=1)[:, None]
-        self.flat = unit @ unit.T >= np.cos(curvature)
+        self.flat = np.abs(unit @ unit.T) >= np.cos(curvature)
         self.active = self._active()
         self.touching: set[int] = set()
 
@@ -122,7 +122,7 @@ class LiggghtsRule:
         alive: set[int] = set()
         for ends, those in users.items():
             hidden = len(those) > 1 and all(
-                self.flat[d[0], e[0]] for d, e in itertools.pairwise(sorted(those))
+                self.flat[d[0], e[0]] and not self._folded(d, e) for d, e in itertools.pairwise(sorted(those))
             )
             for k, j in those:
                 active[k, EDGE + j] = not hidden and (k, j) == max(those)
@@ -133,15 +133,17 @@ class LiggghtsRule:
             active[k, CORNER + j] = k == last and node in alive and not self._straight(node)
         return active
 
-    def _taken_for(self, k: int, feature: int, x: np.ndarray) -> int:
-        """The feature by which an edge or a corner counts: see rule 5 of `contacts`."""
+    def _folded(self, one: tuple[int, int], other: tuple[int, int]) -> bool:
+        """Whether two triangles (number, edge) lie on the same side of the edge that they share."""
+        (a, b, c), (_, _, d) = (np.roll(self.corners[k], -j, axis=0) for k, j in (one, other))
+        return float(np.cross(b - a, c - a) @ np.cross(b - a, d - a)) > 0
+
+    def _corner_beyond(self, k: int, x: np.ndarray) -> int | None:
+        """The corner of triangle k that is its contact whatever is nearest: see rule 5 of `contacts`."""
         corners = self.corners[k]
         along = np.roll(corners, -1, axis=0) - corners
         over = np.cross(along, x - corners) @ np.cross(along[0], along[1])
-        for corner in (0, 1):
-            if feature < CORNER and over[corner] < 0 and over[corner - 1] < 0:
-                return CORNER + corner
-        return feature
+        return next((j for j in (0, 1) if over[j] < 0 and over[j - 1] < 0), None)
 
     def _straight(self, node: int) -> bool:
         """Whether two edges at a node, active or not, are in one line."""
@@ -156,27 +158,34 @@ class LiggghtsRule:
     def contacts(self, x: np.ndarray, radius: float) -> list[tuple[float, np.ndarray]]:
         """(distance [m], unit normal) of each contact of a ball at x, which are then those of the last step.
 
-        1. Triangles that share an edge or a corner and whose normals differ by no more than the
-        curvature are coplanar. 2. An edge of one triangle counts; one that coplanar triangles share
-        does not; any other counts for the last of its triangles. 3. A corner counts for the last of
+        1. Triangles that share an edge or a corner and whose planes differ by no more than the
+        curvature are coplanar, however they wind. 2. An edge of one triangle counts; one that coplanar
+        triangles share does not, unless one is folded back upon the other; any other counts for the
+        last of its triangles. 3. A corner counts for the last of
         its triangles, unless no edge at it counts, or two edges at it are in one line, up to the
         curvature. 4. A nearest point inside a face counts, unless a coplanar triangle before it has
         such a contact in this step; a triangle in contact in the last step keeps its own. 5. One on
-        an edge or a corner counts where that does; one on an edge where the barycentric coordinates
-        of two corners are negative, and the third corner is the first or the second, where that
-        corner does. 6. All contacts act.
+        an edge or a corner counts where that does. Where the barycentric coordinates of two corners are
+        negative, and the third corner is the first or the second of the triangle, the contact is at that
+        corner, though a point of an edge may be nearer. 6. All contacts act.
         """
         point, feature, distance = nearest_features(x, self.corners)
         faces: list[int] = []
         found: dict[int, tuple[float, np.ndarray]] = {}
         for k in np.flatnonzero(distance <= radius).tolist():
+            gap, away = float(distance[k]), x - point[k]
             if feature[k] == FACE:
                 shared = [d for d in faces if self.flat[d, k] and np.isin(self.nodes[d], self.nodes[k]).any()]
                 if shared and k not in self.touching:
                     continue
                 faces.append(k)
-            elif not self.active[k, self._taken_for(k, int(feature[k]), x)]:
-                continue
-            found[k] = (float(distance[k]), (x - point[k]) / distance[k])
+            else:
+                corner = self._corner_beyond(k, x)
+                if corner is not None:
+                    away = x - self.corners[k, corner]
+                    gap = float(np.linalg.norm(away))
+                if gap > radius or not self.active[k, int(feature[k]) if corner is None else CORNER + corner]:
+                    continue
+            found[k] = (gap, away / gap)
         self.touching = set(found)
         return list(found.values())

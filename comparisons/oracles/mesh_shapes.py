@@ -122,6 +122,24 @@ def divided(corners: np.ndarray, seed: int, times: int) -> np.ndarray:
     return np.array(rows)
 
 
+def flattened(seed: int = 1) -> np.ndarray:
+    """A flat ellipsoid of 80 triangles, many of them obtuse, wound and numbered at random."""
+    corners = shuffled(faceted_sphere(0.3), seed) * [1, 1, 0.15]
+    turned = np.random.default_rng(seed).random(len(corners)) < 0.5
+    return np.where(turned[:, None, None], corners[:, ::-1], corners)
+
+
+def folds(angle: float = np.radians(0.1)) -> np.ndarray:
+    """A triangle folded back upon another but for an angle [rad], and two that are one plane but for it.
+
+    The two that are one plane are wound against each other.
+    """
+    rim = np.array([[0.2, -0.2, 0], [0.2, 0.2, 0]])
+    seam, high = rim - [0.4, 0, 0], 0.2 * np.sin(angle)
+    fold = [[*rim, (0, 0, 0)], [*rim, (0, 0, high)]]
+    return np.array([*fold, [*seam, (-0.05, 0, 0)], [*seam, (-0.35, 0, -high)]], float)
+
+
 def positions_near(corners: np.ndarray, radius: float, count: int, seed: int) -> np.ndarray:
     """Random places [m] nearer than `radius` to a mesh, none of them in the reach of a guard."""
     rng, found = np.random.default_rng(seed), np.empty((0, 3))

@@ -257,7 +257,8 @@ def coplanar_neighbors(spec: Spec) -> Any:
     def coplanar(params: t.Params, walls: t.Walls, d: wp.int32, e: wp.int32):
         if walls.triangle_wall[d] != walls.triangle_wall[e]:
             return False
-        if wp.dot(walls.facing[d], walls.facing[e]) < params.coplanar_cosine:  # mutate: coplanar_faces
+        between = wp.abs(wp.dot(walls.facing[d], walls.facing[e]))
+        if between < params.coplanar_cosine:  # mutate: coplanar_faces
             return False
         for a in range(3):
             for b in range(3):

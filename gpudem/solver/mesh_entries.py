@@ -108,11 +108,11 @@ def triangle_surface(spec: Spec) -> Any:
     """A function of triangle e and a place in the frame of its mesh -> (gap [m], normal there, feature).
 
     LIGGGHTS' rule has no contact at an edge within a plane: there a point beyond it by rounding, or within
-    its margin (`FACE_MARGIN`), is one of the face; a point of an edge may count as a corner
-    (`feature_beyond_corner`).
+    its margin (`FACE_MARGIN`), is one of the face; beyond an obtuse corner the contact may be at the corner,
+    though an edge is nearer (`corner_beyond`).
     """
     t, within_margin = structs(spec.precision), face_with_margin(spec.precision)
-    beyond_corner = feature_beyond_corner(spec.precision)
+    beyond_corner = corner_beyond(spec.precision)
     Walls, wide, wide3, beyond = t.Walls, t.wide, t.wide3, BEYOND_EDGE[spec.precision]
 
     @wp.func
@@ -131,8 +131,11 @@ def triangle_surface(spec: Spec) -> Any:
             height = wp.dot(facing, place - a)
             if gap - wp.abs(height) <= wide(beyond) * gap or within_margin(walls, e, place):
                 return wp.abs(height), wp.sign(height) * facing, wp.int32(FACE)
-            if feature < CORNER:
-                feature = beyond_corner(walls, e, place, feature)
+            corner = beyond_corner(walls, e, place)
+            if corner >= 0:
+                feature = wp.int32(CORNER) + corner
+                d = place - walls.corners[3 * e + corner]  # mutate: contact_at_the_corner
+                gap = wp.length(d)
         if gap > wide(0.0):
             return gap, d / gap, feature
         return gap, facing, feature
@@ -162,28 +165,29 @@ def face_with_margin(precision: str) -> Any:
 
 
 @functools.cache
-def feature_beyond_corner(precision: str) -> Any:
-    """A function: what LIGGGHTS takes a nearest point of an edge for: beyond an obtuse corner, the corner.
+def corner_beyond(precision: str) -> Any:
+    """A function: the corner at which LIGGGHTS has the contact whatever is nearest, 0 or 1; -1 for none.
 
-    So where the barycentric coordinates of the other two corners are negative, at the first and the second
-    corner only. Measured on random places (tests/reference/test_walls.py).
+    So where the barycentric coordinates of the other two corners are negative: at an obtuse corner an edge is
+    nearer over a part of that region. At the third corner of a triangle the nearest point counts. Measured
+    about meshes of obtuse triangles (tests/reference/test_walls.py).
     """
     t = structs(precision)
 
     @wp.func
-    def feature_of(walls: t.Walls, e: wp.int32, place: t.wide3, feature: wp.int32):
+    def corner_of(walls: t.Walls, e: wp.int32, place: t.wide3):
         a, b, c = walls.corners[3 * e], walls.corners[3 * e + 1], walls.corners[3 * e + 2]
         facing, zero = walls.facing[e], t.wide(0.0)
         over_ab = wp.dot(wp.cross(b - a, place - a), facing)
         over_bc = wp.dot(wp.cross(c - b, place - b), facing)
         over_ca = wp.dot(wp.cross(a - c, place - c), facing)
         if over_ab < zero and over_ca < zero:
-            return wp.int32(CORNER)
+            return wp.int32(0)
         if over_ab < zero and over_bc < zero:
-            return wp.int32(CORNER + 1)
-        return feature
+            return wp.int32(1)
+        return wp.int32(-1)
 
-    return feature_of
+    return corner_of
 
 
 @functools.cache

@@ -46,7 +46,7 @@ class MeshTables:
             "middle": (middle, t.wide3), "extent": (extent, t.wide),
         }  # fmt: skip
         if self.state.spec.meshes == "liggghts":
-            tables |= self._neighborhood(meshes, normals)
+            tables |= self._neighborhood(meshes)
         if any(self.state.spec.periodic):
             points = [meshes.get(w, np.zeros((1, 3))).reshape(-1, 3) for w in range(len(elements))]
             center = np.array([(p.min(axis=0) + p.max(axis=0)) / 2 for p in points])
@@ -57,14 +57,14 @@ class MeshTables:
             name: wp.array(values, dtype=dtype, device=device) for name, (values, dtype) in tables.items()
         }
 
-    def _neighborhood(self, meshes: dict[int, np.ndarray], normals: np.ndarray) -> dict[str, tuple[Any, Any]]:
+    def _neighborhood(self, meshes: dict[int, np.ndarray]) -> dict[str, tuple[Any, Any]]:
         """What only LIGGGHTS' rule asks for: which corners agree, which features are active."""
         cosine = np.cos(np.radians(self.scene.contact.mesh_curvature))
         nodes, active, first = [], [], 0
         for triangles in meshes.values():
             own = shared_corners(moved_in(self.scene, triangles))
             nodes.append(own + 3 * first)
-            active.append(active_features(own, normals[first : first + len(own)], cosine, triangles))
+            active.append(active_features(own, cosine, triangles))
             first += len(own)
         return {
             "nodes": (np.concatenate(nodes).astype(np.int32), wp.vec3i),
@@ -158,11 +158,12 @@ def shared_corners(triangles: np.ndarray) -> np.ndarray:
     return _numbered(np.round(points / (1e-9 * size)).astype(np.int64)).reshape(-1, 3)
 
 
-def active_features(nodes: np.ndarray, normals: np.ndarray, cosine: float, corners: np.ndarray) -> np.ndarray:
+def active_features(nodes: np.ndarray, cosine: float, corners: np.ndarray) -> np.ndarray:
     """Which edges (bits 0 to 2) and corners (bits 3 to 5) of each triangle count by LIGGGHTS' rule: (k,).
 
-    An edge of one triangle is active; one that coplanar triangles share is not; else it is for the triangle
-    that comes last. A corner is active for the last triangle there, unless no edge at it is active or one
+    An edge of one triangle is active; one at which triangles go on in one plane is not, however they wind,
+    and one at which a triangle is folded back upon another is; else it is for the triangle that comes last.
+    A corner is active for the last triangle there, unless no edge at it is active or one
     goes on straight as another (`straight_nodes`).
     Source: black-box runs of LIGGGHTS 3.8.0 (docs, "meshes").
     """
@@ -170,9 +171,10 @@ def active_features(nodes: np.ndarray, normals: np.ndarray, cosine: float, corne
     ends = np.sort(np.stack([nodes, np.roll(nodes, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     edge = _numbered(ends)
     order = np.argsort(edge, kind="stable")  # users of an edge side by side, in the order of the triangles
-    of, user = edge[order], order // 3
+    of = edge[order]
     same = of[1:] == of[:-1]
-    parallel = np.einsum("ij,ij->i", normals[user[1:]], normals[user[:-1]]) >= cosine  # mutate: coplanar_edge
+    into = _into_triangles(corners).reshape(-1, 3)[order]
+    parallel = -np.einsum("ij,ij->i", into[1:], into[:-1]) >= cosine  # mutate: coplanar_edge
     edges = int(edge.max()) + 1
     users = np.bincount(edge, minlength=edges)
     bent = np.bincount(of[1:][same & ~parallel], minlength=edges) > 0
@@ -187,6 +189,15 @@ def active_features(nodes: np.ndarray, normals: np.ndarray, cosine: float, corne
     active[:, 3:] = (latest[nodes] == np.arange(count)[:, None]) & at_active[nodes]
     active[:, 3:] &= ~straight_nodes(nodes, corners, cosine)[nodes]
     return (active @ (1 << np.arange(6))).astype(np.int32)
+
+
+def _into_triangles(corners: np.ndarray) -> np.ndarray:
+    """Unit vectors from edge j of each triangle, at right angles to it, to the third corner: (k, 3, 3)."""
+    edge = np.roll(corners, -1, axis=1) - corners
+    other = np.roll(corners, -2, axis=1) - corners
+    share = np.einsum("kij,kij->ki", other, edge) / np.maximum(np.einsum("kij,kij->ki", edge, edge), 1e-300)
+    into = other - share[:, :, None] * edge
+    return into / np.maximum(np.linalg.norm(into, axis=2, keepdims=True), 1e-300)
 
 
 def straight_nodes(nodes: np.ndarray, corners: np.ndarray, cosine: float) -> np.ndarray:

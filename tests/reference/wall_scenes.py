@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from comparisons.oracles.mesh_shapes import folds
 from gpudem.scene import Scene
 from tests.reference.scenes import FLOOR, R, scene
 
@@ -279,8 +280,11 @@ def cube(size: float) -> np.ndarray:
     return np.array([corner[list(t)] for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
 
 
-def ball_of_triangles(radius: float, rings: int, seed: int | None = None) -> np.ndarray:
-    """A closed faceted sphere; with a seed its nodes are moved by up to a fifth of an edge: (k, 3, 3) [m]."""
+def ball_of_triangles(radius: float, rings: int, seed: int | None = None, jitter: float = 0.2) -> np.ndarray:
+    """A closed faceted sphere, its triangles wound at random: (k, 3, 3) [m].
+
+    With a seed its nodes are moved by up to `jitter` of an edge.
+    """
     from scipy.spatial import ConvexHull
 
     count = 6 * rings * rings
@@ -291,7 +295,7 @@ def ball_of_triangles(radius: float, rings: int, seed: int | None = None) -> np.
     rows = hull.simplices
     if seed is not None:
         edge = np.linalg.norm(points[rows[:, 0]] - points[rows[:, 1]], axis=1).mean()
-        points = points + np.random.default_rng(seed).uniform(-0.2, 0.2, points.shape) * edge
+        points = points + np.random.default_rng(seed).uniform(-jitter, jitter, points.shape) * edge
     return points[rows]
 
 
@@ -301,6 +305,8 @@ CENSUS = {
     "facets": ball_of_triangles(3 * R, 4),
     "jittered": ball_of_triangles(2 * R, 3, seed=1),
     "small": ball_of_triangles(0.5 * R, 2, seed=2),
+    "obtuse": ball_of_triangles(3 * R, 2, seed=3, jitter=0.3) * [1, 1, 0.15],
+    "folds": folds() * (10 * R),
 }
 MESHES |= {  # compositions: which points of turns are carried along
     "osc_swing": lambda: moved("osc_swing", OSCILLATE, SWING),

@@ -284,8 +284,7 @@ CASE = kit.Case(
             "share of random places at which the force is not that of rule 'liggghts'",
             lambda results, code: differ(results, code, LIGGGHTS_RULE), tolerance=0.0,
             against="LIGGGHTS' rule in six lines, brute force",
-            reason="to 1e-6 of the largest force; the shapes have no obtuse corners, where the binary differs"
-            " from its rule at 0.24 % of places",
+            reason="to 1e-6 of the largest force",
             catches="an active edge or node of a triangle of lower index; coplanar faces counted twice",
         ),
         kit.check(
