@@ -214,7 +214,7 @@ def cell_start_threads(n: int, cells: int) -> int:
     return max(n + 1, cells // CELL_GROUP + 1)
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(module="unique", enable_backward=False)
 def cell_starts(
     # in
     n: wp.int32,
@@ -260,7 +260,7 @@ def cell_starts(
                 start[c] = lo
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(module="unique", enable_backward=False)
 def check_rebuild(
     # in
     present: wp.int32,

@@ -13,7 +13,13 @@ from comparisons.bench.registers import (
     step_kernel_resources,
 )
 from gpudem.solver.launch_bounds import THREADS, blocks_in_flight
-from gpudem.solver.neighbor_kernels import cell_kernel, count_kernel, fill_kernel, gather_kernel
+from gpudem.solver.neighbor_kernels import (
+    cell_kernel,
+    cell_starts,
+    count_kernel,
+    fill_kernel,
+    gather_kernel,
+)
 from gpudem.solver.removal import exit_kernel
 from gpudem.solver.spec import Spec
 from gpudem.solver.step_kernel import step_kernel
@@ -175,3 +181,10 @@ def test_rebuild_without_spills(given):
         most = 128 if spec.meshes and kernel.key.endswith("entries") else 64  # a walk through a search tree
         most += 8 * (spec.held and kernel.key.endswith("fill_entries"))  # two more arrays; at rebuilds only
         assert 16 < found.registers <= most, kernel.key
+
+
+def test_cell_starts_without_spills():
+    """Catches a search of the sorted keys that needs a stack, or registers that keep threads out."""
+    found = kernel_resources(cell_starts)
+    assert (found.spill_bytes, found.stack_bytes) == (0, 0)
+    assert found.registers <= 40

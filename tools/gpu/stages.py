@@ -139,7 +139,7 @@ def device_stage(out: Path, device: str) -> None:
     }  # fmt: skip
     if found.is_cuda:
         facts |= {"arch": found.arch, "memory_bytes": found.total_memory,
-                  "graphs_can_branch": wp.is_conditional_graph_supported()}  # fmt: skip
+                  "memory_pool": wp.is_mempool_supported(device)}  # fmt: skip
         smi = [
             "nvidia-smi",
             "--query-gpu=name,driver_version,clocks.sm,clocks.mem,power.limit",
