@@ -385,6 +385,25 @@ def test_energy_that_walls_bring(compare):
     assert "does not tell the work of wall 'floor'" in silent.why
 
 
+def test_energy_that_groups_bring(compare):
+    """A ball that hits another one which is moved: its energy grows by the work of the group.
+
+    Detects: the work of groups left out of the balance, the energy of particles with a motion counted in it.
+    """
+    elastic = [{"materials": pair, "restitution": 1.0, "friction": 0.0}
+               for pair in (("glass", "steel"), ("glass", "glass"))]  # fmt: skip
+    swing = {"type": "oscillate", "amplitude": (0.0, 0.0, 0.002), "period": 0.02}
+    balls = {"source": "explicit", "position": [(0.02, 0.02, 0.01), (0.021, 0.02, 0.0204)], "radius": 0.005,
+             "material": "glass", "velocity": [(0, 0, 0), (0, 0, -0.2)]}  # fmt: skip
+    group = {"name": "pusher", "ids": [1], "motion": [swing]}
+    _, comparison = compare(hit(pairs=elastic, walls=(), particles=balls, groups=[group]))
+    balance = "energy with that of overlaps less the work of walls: largest change / largest kinetic energy"
+    found = [c for c in comparison.checks if c.name.startswith(balance)]
+    assert found
+    assert all(c.status == "pass" and (c.value or 0.0) < 0.01 for c in found)
+    assert "work of walls and groups 0.00" in found[0].note
+
+
 RAIN = {
     "kind": "list", "time": [0.0005, 0.0005, 0.0045], "radius": 0.002, "material": "ball",
     "position": [(0.01, 0.01, 0.015), (0.016, 0.01, 0.015), (0.0101, 0.01, 0.015)],
