@@ -36,11 +36,11 @@ OTHER = Path(".other")
 LIMITS = {
     "device": 30,
     "tests": 110,
-    "bench": 120,
+    "bench": 100,
     "kernels": 40,
     "step": 45,
-    "lanes": 60,
-    "turns": 75,
+    "lanes": 45,
+    "turns": 60,
     "ncu": 50,
     "paper": 330,
 }
