@@ -64,6 +64,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 #: Rows of tables that are slow (`-m slow`): a neighbor, a quick case or the test of a mutant finds it in
 #: `make test`. Pattern of their names -> what stays.
 SLOW_ROWS = {
+    r"test_random_scenes.py::test_.*\[(?!(8|17)\])": "two of them; each has its own kernels",
     r"test_precision.py::test_mixed_follows_every_law\[(own_|unlike|sjkr_|sjkr2_wall|torsion_|epsd3)": (
         "each law once"
     ),
