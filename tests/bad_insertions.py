@@ -128,6 +128,7 @@ SOURCES = [
     sized("distribution of unknown kind", 'kind = "gauss"', "insert[0].radius.kind = 'gauss': unknown; known: discrete, uniform, normal,"),
     sized("sigma zero", 'kind = "normal", mean = 0.003, sigma = 0.0', "insert[0].radius.sigma = 0.0: out of range; allowed: 0 < value [m]"),
     sized("sigma of ln(r) negative", 'kind = "lognormal", median = 0.003, sigma = -0.2', "insert[0].radius.sigma = -0.2: out of range; allowed: 0 < value [1]"),
+    sized("key of another distribution", 'kind = "lognormal", mean = 0.003, sigma = 0.2', "insert[0].radius.mean: unknown key; did you mean 'median'?", problems=2),
     sized("negative sizes", 'kind = "normal", mean = 0.003, sigma = 0.001',
         "insert[0].radius.sigma = 0.001: 0.0013 of the radii would be negative; state lo [m], or sigma <= mean/6 = 0.0005 m"),
     sized("cut-offs reversed", 'kind = "normal", mean = 0.003, sigma = 0.0003, lo = 0.004, hi = 0.002', "insert[0].radius.hi = 0.002: must be above lo = 0.004 [m]"),

@@ -169,7 +169,8 @@ def _line(item: Any, model: type[BaseModel]) -> str:
     key, value = _location(loc), _short(item["input"])
     match item["type"]:
         case "extra_forbidden":
-            return f"{key}: unknown key{nearest(loc[-1], _fields(loc[:-1], model))}"
+            known = [name for name in _fields(loc[:-1], model) if name != loc[-1]]  # another kind may have it
+            return f"{key}: unknown key{nearest(loc[-1], known)}"
         case "missing":
             field = _fields(loc[:-1], model).get(loc[-1])
             unit = next((m.unit for m in field.metadata if hasattr(m, "unit")), "") if field else ""

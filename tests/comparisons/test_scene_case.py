@@ -161,6 +161,7 @@ def test_a_code_without_forces_is_judged_by_its_motion(compare):
 
         def run(*arguments):
             made = code.run(*arguments)
+            assert made.trace is not None
             kept = {k: v for k, v in made.trace.items() if k not in ("force", "torque")}
             return dataclasses.replace(made, trace=kept)
 
