@@ -127,7 +127,8 @@ def narrowed(rows: pandas.DataFrame) -> pandas.DataFrame:
         "" if pandas.isna(ratio) else f"{ratio:.2f} ({least:.2f} to {most:.2f})"
         for ratio, least, most in zip(rows["ratio"], rows["ratio least"], rows["ratio most"], strict=True)
     ]
-    left_out = ["ratio least", "ratio most", "arrays [B]", "contacts", "insertion most [%]"]
+    wide = ("ratio least", "ratio most", "arrays [B]", "contacts", "insertion most [%]")
+    left_out = [name for name in wide if name in rows]
     left_out += ["device"] * (rows["device"].nunique() == 1)
     names = {
         "s a simulated s": "s / simulated s", "of the roofline [%]": "roofline [%]",
