@@ -26,7 +26,7 @@ def passed(scene: Scene, plane: FlowPlane, rows: np.ndarray, position: np.ndarra
     """
     first, last = beyond(plane, scene.state.position[rows]), beyond(plane, position)
     mass = scene.masses[rows]
-    forth, back = last & ~first, first & ~last
+    forth, back = last & ~first, first & ~last  # mutate: sides_of_flow
     return int(forth.sum() - back.sum()), float(mass[forth].sum() - mass[back].sum())
 
 

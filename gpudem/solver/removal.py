@@ -164,7 +164,7 @@ class Departures:
         self.exit[rows] = exits
         self._count += len(rows)
         if len(self._place):
-            self._place[rows] = position
+            self._place[rows] = position  # mutate: place_of_leaving
 
     def _energies(self, rows: np.ndarray, step: int, bodies: Any) -> np.ndarray:
         """Kinetic and potential energy [J] of particles that leave: at full-step velocities, were gravity the
