@@ -46,6 +46,16 @@ def test_no_two_mutations_are_the_same():
     assert len(set(texts)) == len(texts)
 
 
+def test_every_test_of_the_set_exists():
+    """Detects: a test taken out or renamed, which ends a run of mutants once one has to try all tests."""
+    for name, node in TEST_SET.nodes.items():
+        file, _, function = node.partition("::")
+        assert (ROOT / file).exists(), name
+        tree = ast.parse((ROOT / file).read_text())
+        found = {item.name for item in ast.walk(tree) if isinstance(item, ast.FunctionDef)}
+        assert not function or function.partition("[")[0] in found, name
+
+
 def test_every_marker_is_used():
     """Detects a marker that was left behind when its mutation was removed."""
     used = {m.marker for m in MUTATIONS}

@@ -266,8 +266,11 @@ def test_flow():
     scene = parting(output={"history_every": STEP, "history": ["particles"], "flow": planes})
     history, masses = run(scene).history, scene.masses
     assert history is not None
-    assert history.flow_count_right.tolist() == [0] * 500 + [1] * 1501
-    assert history.flow_count_left.tolist() == [0] * 506 + [-1] * 1495
+    for name, step, count in (("right", 500, 1), ("left", 506, -1)):
+        passed = history[f"flow_count_{name}"].to_numpy()
+        assert passed[0] == 0
+        assert np.flatnonzero(np.diff(passed)).tolist() == [step - 1], name
+        assert passed[-1] == count
     assert history.flow_mass_right.iloc[-1] == masses[1]
     assert history.flow_mass_left.iloc[-1] == -masses[2]
     assert history.flow_rate_left.sum() * STEP == pytest.approx(-masses[2])
