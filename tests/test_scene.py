@@ -261,7 +261,9 @@ def many(n: int) -> Explicit:
 
 
 def test_cost_of_a_scene_of_1e5_particles() -> None:
-    """CPU time: 0.2 s for JSON, 0.02 s for the others, where one number a line took seconds."""
+    """CPU time: 0.02 s to compare; JSON half of what the same numbers take in one line, where each number on a
+    line of its own takes 1.5 times as long. A ratio: on a busy machine all of it takes up to 5 times longer.
+    """
     big = {
         "walls": [],
         "domain": Domain(lo=(-1, -1, 0), hi=(1, 1, 1)),
@@ -271,11 +273,15 @@ def test_cost_of_a_scene_of_1e5_particles() -> None:
     began = time.process_time()
     assert one == other
     assert len({one, other}) == 1
-    compared = time.process_time()
-    text = one.to_json()
-    written = time.process_time()
-    assert compared - began < 0.5
-    assert written - compared < 1
+    assert time.process_time() - began < 0.5
+    state, times = one.state, []
+    for _ in range(2):
+        began = time.process_time()
+        text = one.to_json()
+        written = time.process_time()
+        json.dumps([column.tolist() for column in (state.position, state.velocity, state.radius)])
+        times.append((written - began) / (time.process_time() - written))
+    assert min(times) < 1.1
     assert Scene.from_json(text) == one
 
 
