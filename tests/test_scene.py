@@ -261,7 +261,7 @@ def many(n: int) -> Explicit:
 
 
 def test_cost_of_a_scene_of_1e5_particles() -> None:
-    """CPU time: 0.02 s to compare; JSON half of what the same numbers take in one line, each number on a
+    """CPU time: 0.02 s to compare; JSON half of what the same numbers take in one line; each number on a
     line of its own takes 1.5 times as long. A ratio: on a busy machine all of it takes up to 5 times longer.
     """
     big = {
