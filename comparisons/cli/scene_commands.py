@@ -158,27 +158,37 @@ def animate(directory: Path, out: Path, quiet: bool, **options: Any) -> int:
     return 0
 
 
-def pack(path: Path, out: Path, until_settled: bool, quiet: bool, fraction: float, **options: Any) -> int:
-    """Make a bed and write it. Raises RunError."""
-    from gpudem import bed
-
+def _to_pack(path: Path, out: Path) -> Scene:
+    """The scene of which particles are to be made and written. Raises GpudemError."""
     scene = Scene.from_file(path)
     if out.suffix != ".npz":
         raise GpudemError(f"--out {out}: must end in .npz, which particles.path reads")
-    for warning in warnings(scene):
-        click.echo(f"warning: {warning}", err=True)
+    return scene
+
+
+@contextlib.contextmanager
+def _making(path: Path, scene: Scene, steps: int, quiet: bool) -> Iterator[codes.Progress]:
+    """Progress of what is made of a scene file, in so many steps. Raises RunError, which names the file."""
     reporter = progress.reporter(quiet)
-    pace = reporter.begin(scene.name, len(scene.state), scene.n_steps)
+    pace = reporter.begin(scene.name, len(scene.state), steps)
     try:
-        made = bed.make(
-            scene, until_settled=until_settled, fraction=fraction,
-            progress=lambda step: reporter.step(pace, step), **options,
-        )  # fmt: skip
+        yield lambda step: reporter.step(pace, step)
     except GpudemError as error:
         raise RunError(f"{path}: {error}") from error
     finally:
         reporter.end(pace)
         reporter.close()
+
+
+def pack(path: Path, out: Path, until_settled: bool, quiet: bool, fraction: float, **options: Any) -> int:
+    """Make a bed and write it. Raises RunError."""
+    from gpudem import bed
+
+    scene = _to_pack(path, out)
+    for warning in warnings(scene):
+        click.echo(f"warning: {warning}", err=True)
+    with _making(path, scene, scene.n_steps, quiet) as step:
+        made = bed.make(scene, until_settled=until_settled, fraction=fraction, progress=step, **options)
     made.write(out)
     state = "settled" if made.settled else "not settled"
     click.echo(
@@ -197,20 +207,9 @@ def grow(path: Path, out: Path, full: bool, quiet: bool) -> int:
     """Make a dense packing by growth and write it. Raises RunError."""
     from gpudem import growth
 
-    scene = Scene.from_file(path)
-    if out.suffix != ".npz":
-        raise GpudemError(f"--out {out}: must end in .npz, which particles.path reads")
-    reporter = progress.reporter(quiet)
-    pace = reporter.begin(scene.name, len(scene.state), GROWTH_STEPS)
-    try:
-        made = growth.grow(
-            scene, full=full, progress=lambda share: reporter.step(pace, int(GROWTH_STEPS * share))
-        )
-    except GpudemError as error:
-        raise RunError(f"{path}: {error}") from error
-    finally:
-        reporter.end(pace)
-        reporter.close()
+    scene = _to_pack(path, out)
+    with _making(path, scene, GROWTH_STEPS, quiet) as step:
+        made = growth.grow(scene, full=full, progress=lambda share: step(int(GROWTH_STEPS * share)))
     made.write(out)
     left_out = f"; {made.left_out} of the statement do not fit" if made.left_out else ""
     click.echo(
