@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 from collections.abc import Callable
 
@@ -9,7 +10,8 @@ from collections.abc import Callable
 def calls(function: Callable[..., object], *arguments: object) -> int:
     """Calls that `function(*arguments)` makes: of Python functions, steps of generators, functions in C.
 
-    What NumPy does with a whole array is one call, a loop over its rows at least one call a row.
+    What NumPy does with a whole array is one call, a loop over its rows at least one call a row. The
+    garbage collector waits: what it ends of other tests calls functions too.
     """
     count = 0
 
@@ -17,10 +19,13 @@ def calls(function: Callable[..., object], *arguments: object) -> int:
         nonlocal count
         count += event in ("call", "c_call")
 
-    before = sys.getprofile()
+    before, collects = sys.getprofile(), gc.isenabled()
+    gc.disable()
     sys.setprofile(seen)
     try:
         function(*arguments)
     finally:
         sys.setprofile(before)
+        if collects:
+            gc.enable()
     return count
