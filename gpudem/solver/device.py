@@ -6,7 +6,9 @@ No kernel of gpudem has an adjoint; each says so itself (`enable_backward=False`
 import contextlib
 import os
 import threading
+import zlib
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any
 
 import warp as wp
@@ -42,8 +44,25 @@ def find_device(name: str) -> Any:
 def compile_kernels(device: Any, kernels: Iterable[Any]) -> None:
     """Compile the modules of kernels for a device, or load them from Warp's cache, several at a time."""
     modules = list(dict.fromkeys(kernel.module for kernel in kernels))
-    with quiet():
+    with quiet(), _one_process(module.name for module in modules):
         wp.force_load(device, modules, max_workers=cores())  # with the threads a block that each states
+
+
+@contextlib.contextmanager
+def _one_process(names: Iterable[str]) -> Iterator[None]:
+    """Modules that one process compiles are not compiled in another meanwhile: it waits, and loads them.
+
+    Each has a byte of a file in Warp's cache, which lasts no longer than the process that locked it. Where
+    files cannot be locked, both compile.
+    """
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(ImportError, OSError):  # not on Windows; a cache that cannot be written
+            import fcntl
+
+            file = stack.enter_context((Path(wp.config.kernel_cache_dir or "") / "gpudem.lock").open("ab"))
+            for place in sorted({zlib.crc32(name.encode()) & 0x7FFFFFFF for name in names}):
+                fcntl.lockf(file, fcntl.LOCK_EX, 1, place)
+        yield
 
 
 def cores() -> int:

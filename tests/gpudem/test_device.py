@@ -10,12 +10,15 @@ import subprocess
 import sys
 import threading
 import time
+import zlib
 from pathlib import Path
+from typing import Any
 
 import pytest
 import warp as wp
 
 from gpudem.solver import device
+from gpudem.solver.neighbor_kernels import cell_starts
 
 
 @pytest.fixture(scope="module")
@@ -72,3 +75,45 @@ def test_what_a_user_set_up_for_debugging_stays(name):
         with device.quiet():
             assert wp.config.log_level == (wp.LOG_DEBUG if name == "LOG_DEBUG" else wp.LOG_ERROR)
         assert wp.config.log_level == getattr(wp, name)
+
+
+def test_a_module_that_another_process_compiles_is_waited_for():
+    """Detects modules that each of several processes compiles, all for the same cache."""
+    kernel: Any = cell_starts
+    compiled, module = threading.Event(), kernel.module.name
+
+    def compile_it() -> None:
+        device.compile_kernels(device.find_device("cpu"), [kernel])
+        compiled.set()
+
+    compile_it()
+    with compiling("another module") as other:
+        compile_it()
+        other.kill()
+    with compiling(module) as other:
+        compiled.clear()
+        thread = threading.Thread(target=compile_it)
+        thread.start()
+        waits = not compiled.wait(0.2)
+        other.kill()  # its lock ends with it
+        thread.join(5)
+        assert compiled.is_set()
+        assert waits
+
+
+def compiling(name: str) -> subprocess.Popen[str]:
+    """A process that holds the lock of a module."""
+    file, place = str(Path(wp.config.kernel_cache_dir or "") / "gpudem.lock"), zlib.crc32(name.encode())
+    program = f"""
+import fcntl
+file = open({file!r}, "ab")
+fcntl.lockf(file, fcntl.LOCK_EX, 1, {place & 0x7FFFFFFF})
+print()
+input()
+"""
+    started = subprocess.Popen(
+        [sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert started.stdout is not None
+    started.stdout.readline()
+    return started
