@@ -108,6 +108,8 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "gravity": gravity_words(scene.gravity), "phases": phases(scene),
         "thermo_stride": thermo_stride(scene), "frame_stride": scene.frame_stride,
         "trace_stride": scene.stride(scene.output.trace_every),
+        # as many particles as at a set-up, with other ids: LIGGGHTS sorts them beyond the ends of its arrays
+        "sorted_dumps": not (scene.insert and scene.exits),
         "data_file": DATA if scene.start_count else None, "raw": RAW, "trace_file": TRACE,
         "box": [side for sides in removal.box(scene) for side in sides],
         "kinds": len(atom_types(scene)),

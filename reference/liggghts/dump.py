@@ -61,6 +61,8 @@ def frame(scene: Scene, path: Path, step: int) -> Frame:
         for column in ("force", "torque"):
             table[column] = table[column] + raw[f"f_frozen_{column}[1-3]"]
     ids = table["id"].astype(np.int64)
+    order = np.argsort(ids, kind="stable")
+    ids, table = ids[order], {name: column[order] for name, column in table.items()}
     if wrong := _wrong_ids(scene, ids, step):
         raise LiggghtsOutputError(f"{path}: step {step}: {len(ids)} particles, {wrong}")
     broken = [name for name, column in table.items() if not np.isfinite(column).all()]
@@ -108,9 +110,10 @@ def trace(scene: Scene, path: Path) -> dict[str, np.ndarray]:
     for k, step in enumerate(steps):
         try:
             table, at = _snapshot(content, at, int(step), len(scene.state), values.shape[2])
-            if wrong := _wrong_ids(scene, table[:, 0].astype(np.int64), int(step)):
+            ids = table[:, 0].astype(np.int64)
+            if wrong := _wrong_ids(scene, np.sort(ids), int(step)):
                 raise ValueError(wrong)
-            values[k, table[:, 0].astype(np.int64) - 1] = table
+            values[k, ids - 1] = table
         except (ValueError, struct.error) as error:
             raise LiggghtsOutputError(f"{path}: truncated or corrupted at step {step}: {error}") from None
     if at != len(content):

@@ -74,6 +74,31 @@ def test_agrees_with_binary(options, tmp_path, liggghts):
     assert abs(run.timing.particles - ours.timing.particles) <= 1
 
 
+@pytest.mark.liggghts
+def test_as_many_particles_with_other_ids(tmp_path, liggghts):
+    """A ball leaves and one comes. Detects: output that LIGGGHTS is to sort; it takes the ids for those of
+    its set-up, mixes the rows up, and may end by SIGSEGV.
+    """
+    places = [(0.003, 0.05, 0.05), *((0.02 + 0.01 * k, 0.05, 0.05) for k in range(6))]
+    comes = {"kind": "list", "time": [0.002], "position": [(0.05, 0.05, 0.15)], "radius": [0.002],
+             "velocity": [(0.0, 0, 0)], "material": "ball"}  # fmt: skip
+    sides = ["xhi", "ylo", "yhi", "zlo", "zhi"]
+    scene = running_out(
+        particles={"source": "explicit", "position": places, "velocity": [(-2.0, 0, 0), *[(0, 0, 0)] * 6],
+                   "radius": 0.002, "material": "ball"},
+        insert=[comes], time={"step": STEP, "duration": 0.006},
+        output={"trace_every": 1e-4, "frames_every": 0.002},
+        walls=[{"kind": "box", "name": "box", "material": "wall", "sides": sides}],
+    )  # fmt: skip
+    run = code.run(scene, tmp_path)
+    assert [frame["id"].tolist() for frame in run.frames] == [[*range(1, 8)], *[[*range(2, 9)]] * 3]
+    ours = simulate(scene).trace
+    assert run.trace is not None
+    assert ours is not None
+    assert np.array_equal(np.isnan(run.trace["position"]), np.isnan(ours["position"]))
+    assert np.nanmax(np.abs(run.trace["position"] - ours["position"])) < 1e-12
+
+
 def test_deck():
     """Detects: a scene without open sides that may lose particles, a side that is open by accident."""
     lines = render(running_out()).text.splitlines()
