@@ -64,10 +64,11 @@ def test_balls_at_rest(kind, rolling):
 
 
 def test_force_of_balls_that_come():
-    """Of which the history has rows before and after: both weights in the end. Detects a sum over the
-    balls and the list of the first row.
+    """Of which the history has rows before and after each: all weights in the end. Detects a sum over the
+    balls and the list of an earlier row; lists have two sides, so two balls come one after the other.
     """
-    come = {"kind": "list", "time": 0.1, "radius": R, "material": "a", "position": [[-0.2, -0.4, 0.0499]]}
+    come = {"kind": "list", "time": [0.1, 0.16], "radius": [R, R], "material": "a",
+            "position": [[-0.2, -0.4, 0.0499], [-0.6, 0.3, 0.0499]]}  # fmt: skip
     walls = [floor("mesh"), {"kind": "plane", "name": "side", "point": (-1.5, 0, 0), "normal": (1, 0, 0)}]
     s = scene(walls, [[0.31, 0.2, 0.0498]], insert=[come], contact={"rolling": "off"})
     force = vector(gpudem.simulate(s).history, "force", "floor")[:, 2]
