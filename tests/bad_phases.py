@@ -98,15 +98,19 @@ OF_WALLS = [
         expected=("phases[0].walls[0].surface_velocity = [1.0, 0.0]: must be three numbers [m/s]",),
     ),
     walls(
-        "phase with a servo",
-        SERVO,
-        expected=("a servo acts from the start of a run on; no phase can state one",),
+        "phase with a servo beside another motion",
+        f"{SLIDE[:-1]}, {SERVO[len('motion = [') :]}",
+        expected=(
+            "phases[0].walls[0].motion = [{'type': ",
+            "a servo beside other motions; a servo must be the only one",
+        ),
     ),
     walls(
-        "phase that stops a servo",
+        "phase that stops a servo twice",
+        "motion = []",
         "motion = []",
         wall=SERVO,
-        expected=("phases[0].walls[0].motion: the wall has a servo, which acts to the end of the run",),
+        expected=("phases[1].walls[0].motion = []: the wall is at rest already",),
     ),
     walls(
         "phase that moves a plane with a vibration",

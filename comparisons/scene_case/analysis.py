@@ -16,7 +16,7 @@ from comparisons.scene_case.plan import Plan
 from gpudem.output.run import Run
 from gpudem.scene import Scene
 from gpudem.scene.groups import FREE, FROZEN, moving
-from gpudem.scene.placed import Surface, has_servo, walls_at
+from gpudem.scene.placed import Surface, walls_at
 from gpudem.scene.removal import search_box
 from gpudem.scene.time_step import position_spacing
 from gpudem.scene.walls import Wall
@@ -309,8 +309,8 @@ def walls_work(run: Run, part: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[
 
     Returns:
         Their work on the particles since the start [J], NaN where the history has no row or no column of it;
-        how far each wall with a servo is from its place at the start [m], (t, 3), by name; which column is
-        missing, or nothing.
+        how far servos have moved their walls beyond the motions of the scene [m], (t, 3), by name; which
+        column is missing, or nothing.
     """
     walls = [wall for wall in run.scene.wall_elements if wall.name in run.scene.moving_walls]
     groups = moving(run.scene)
@@ -326,9 +326,16 @@ def walls_work(run: Run, part: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[
             missing = f"{codes.title(run.code)} does not tell the work of {what} {mover.name!r}"
             return np.full(len(steps), np.nan), ways, missing
         work = work + table[column].to_numpy()
-        if isinstance(mover, Wall) and has_servo(mover):
-            ways[mover.name] = table[place].to_numpy() - np.array(mover.torque_point)
+        if isinstance(mover, Wall) and mover.name in run.scene.servos:
+            ways[mover.name] = table[place].to_numpy() - _stated_places(run.scene, mover, steps)
     return work, ways, ""
+
+
+def _stated_places(scene: Scene, wall: Wall, steps: np.ndarray) -> np.ndarray:
+    """Where the stated motions of a wall, without its servos, take its torque point [m], (t, 3)."""
+    path, point = scene.wall_paths[wall.name], np.array(wall.torque_point)
+    poses = [path.at(step, 1) for step in steps.tolist()]
+    return np.array([pose.rotation[0] @ point + pose.shift[0] for pose in poses])
 
 
 def _told(run: Run, steps: np.ndarray) -> np.ndarray:

@@ -20,9 +20,8 @@ def walls_mesh(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The outlines of walls in a step as one mesh of quads: points [m], shape (p, 3), and corners, (q, 4).
 
-    A wall with motions is where they have moved it, the saw-tooth of a plane at its lowest place. Where a
-    servo has moved a wall only its run can tell: servo_ways, by name [m]; without them it is at its first
-    place, as in the frames of LIGGGHTS.
+    A wall with motions is where they have moved it, the saw-tooth of a plane at its lowest place. How far
+    servos have moved a wall beyond that only its run can tell: servo_ways, by name [m].
     """
     lo, hi = np.array(scene.domain.lo), np.array(scene.domain.hi)
     points, quads, count = [], [], 0

@@ -150,7 +150,7 @@ class View:
 
     @property
     def servo_ways(self) -> dict[str, np.ndarray]:
-        """How far each wall with a servo is from its place at the start [m], shape (3,), by name."""
+        """How far servos have moved their walls beyond the motions of the scene [m], (3,), by name."""
         return self._once("servo_ways", self._servo_ways)
 
     @property

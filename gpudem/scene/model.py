@@ -426,12 +426,11 @@ class Scene(Model):
         return [wall for wall in self.walls if isinstance(wall, Mesh)]
 
     @functools.cached_property
-    def servos(self) -> dict[int, Servo]:
-        """The servo of each wall that has one, by its place in `wall_elements`."""
-        found = {
-            w: m for w, wall in enumerate(self.wall_elements) for m in wall.motion if isinstance(m, Servo)
-        }
-        return found
+    def servos(self) -> dict[str, list[tuple[int, Servo]]]:
+        """Of each elementary wall that follows a force at some time: the steps at which servos begin, and
+        the servos, by name.
+        """
+        return wall_phases.servos(self)
 
     @functools.cached_property
     def phase_scenes(self) -> tuple[Scene, ...]:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from gpudem.scene.motion import Servo
 from gpudem.scene.walls import Wall
 
 if TYPE_CHECKING:
@@ -64,8 +63,8 @@ Surface: TypeAlias = Wall | Placed
 def walls_at(scene: Scene, time: float, servo_ways: Mapping[str, np.ndarray] | None = None) -> list[Surface]:
     """Elementary walls present at a time [s], where they are then, of the material that they have then.
 
-    Left out: planes that move by `vibration`, and walls with a servo of which `servo_ways` does not say how
-    far they are from their place at the start [m], (3,).
+    Left out: planes that move by `vibration`, and from the start of its first servo on a wall of which
+    `servo_ways` does not say how far servos have moved it beyond its stated motions [m], (3,).
     """
     step = round(time / scene.time.step)
     found: list[Surface] = []
@@ -77,14 +76,10 @@ def walls_at(scene: Scene, time: float, servo_ways: Mapping[str, np.ndarray] | N
             continue
         if wall.name not in scene.wall_paths:
             found.append(wall)
-        elif wall.name in (servo_ways or {}):
-            found.append(Placed(wall, np.eye(3), (servo_ways or {})[wall.name]))
-        elif wall.name in scene.wall_paths and not has_servo(wall):
-            pose = scene.wall_paths[wall.name].at(step, 1)
-            found.append(Placed(wall, pose.rotation[0], pose.shift[0]))
+            continue
+        way = (servo_ways or {}).get(wall.name)
+        if way is None and any(begin < step for begin, _ in scene.servos.get(wall.name, ())):
+            continue
+        pose = scene.wall_paths[wall.name].at(step, 1)
+        found.append(Placed(wall, pose.rotation[0], pose.shift[0] + (0.0 if way is None else way)))
     return found
-
-
-def has_servo(wall: Wall) -> bool:
-    """Whether the force on a wall decides where it goes."""
-    return any(isinstance(motion, Servo) for motion in wall.motion)

@@ -7,6 +7,7 @@ A motion of which a phase says nothing goes on, and its time with it.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,7 +17,7 @@ from pydantic import field_validator, model_validator
 from gpudem.scene.files import nearest
 from gpudem.scene.motion import Motion, Servo
 from gpudem.scene.types import Flag, Model, Name, Vector, vector
-from gpudem.scene.walls import Plane, Wall
+from gpudem.scene.walls import Plane, Wall, box_corners
 
 if TYPE_CHECKING:
     from gpudem.scene.model import Scene
@@ -40,9 +41,9 @@ class WallChange(Model):
 
     @field_validator("motion")
     @classmethod
-    def _no_servo(cls, value: tuple[Motion, ...] | None) -> tuple[Motion, ...] | None:
-        if value is not None and any(isinstance(motion, Servo) for motion in value):
-            raise ValueError("a servo acts from the start of a run on; no phase can state one")
+    def _servo_alone(cls, value: tuple[Motion, ...] | None) -> tuple[Motion, ...] | None:
+        if value is not None and len(value) > 1 and any(isinstance(motion, Servo) for motion in value):
+            raise ValueError("a servo beside other motions; a servo must be the only one")
         return value
 
     @model_validator(mode="after")
@@ -93,6 +94,16 @@ def motions(scene: Scene) -> dict[str, list[tuple[int, tuple[Motion, ...]]]]:
     return found
 
 
+def servos(scene: Scene) -> dict[str, list[tuple[int, Servo]]]:
+    """Of each elementary wall that has servos at some time: the steps at which they begin, and the servos."""
+    found = {}
+    for name, parts in motions(scene).items():
+        stated = [(step, m) for step, part in parts for m in part if isinstance(m, Servo)]
+        if stated:
+            found[name] = stated
+    return found
+
+
 def presence(scene: Scene) -> dict[str, list[int]]:
     """The steps from which on each elementary wall is there, and is not there, in turns, ascending."""
     found = {}
@@ -129,11 +140,23 @@ def largest_speed(scene: Scene, w: int) -> float:
     points, found = wall.reach_points(), []
     for step, motion in parts:
         part, begin = wall.model_copy(update={"motion": motion, "surface_velocity": belt}), points
-        if points is not None and wall.name in scene.wall_paths:
+        if any(first < step for first, _ in scene.servos.get(wall.name, ())):
+            begin = box_corners(lo, hi)  # only the run knows where it then is
+        elif points is not None and wall.name in scene.wall_paths:
             pose = scene.wall_paths[wall.name].at(step, 1)
             begin = points @ pose.rotation[0].T + pose.shift[0]
         found.append(part.largest_speed(lo, hi, run, begin))
     return max(found)
+
+
+def servos_that_change(scene: Scene, step: int) -> set[str]:
+    """Names of the elementary walls of which a servo begins or ends at a step after the start."""
+    found, parts = set(), motions(scene)
+    for name in scene.servos:
+        for (_, old), (begin, new) in itertools.pairwise(parts[name]):
+            if begin == step and any(isinstance(motion, Servo) for motion in (*old, *new)):
+                found.add(name)
+    return found
 
 
 def belts_that_change(before: Scene, after: Scene) -> set[str]:
@@ -174,9 +197,7 @@ def problems(scene: Scene) -> list[str]:
 def _of_change(scene: Scene, change: WallChange, wall: Wall) -> Iterator[str]:
     """Motion, belt and material of a change that cannot be, or that change nothing."""
     if change.motion is not None:
-        if any(isinstance(motion, Servo) for motion in wall.motion):
-            yield "motion: the wall has a servo, which acts to the end of the run"
-        elif not change.motion and not wall.motion:
+        if not change.motion and not wall.motion:
             yield "motion = []: the wall is at rest already"
     if change.surface_velocity is not None and not change.drives and wall.surface_velocity is None:
         yield "surface_velocity = [0, 0, 0]: the wall has no belt"

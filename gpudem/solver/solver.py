@@ -302,8 +302,8 @@ class Solver:
             self.laws = self._laws()  # mutate: laws_of_phase
 
     def _forget_restated(self, before: set[str], phase: Scene) -> None:
-        """LIGGGHTS loses the springs of walls that it states anew: of all meshes where one comes, goes or has
-        another belt, and of another wall whose belt changes.
+        """LIGGGHTS loses the springs of walls that it states anew: of all meshes where one comes, goes, has
+        another belt, or a servo that begins or ends, and of another wall whose belt changes.
 
         Args:
             before: Names of the walls that were there.
@@ -311,7 +311,9 @@ class Solver:
         """
         elements, meshes = self.scene.wall_elements, {mesh.name for mesh in self.scene.meshes}
         belts = wall_phases.belts_that_change(phase, self._phase) & before & self._present
-        anew = before & meshes != self._present & meshes or bool(belts & meshes)
+        # mutate: springs_of_servo
+        restated = belts | wall_phases.servos_that_change(self.scene, self.step_count)
+        anew = before & meshes != self._present & meshes or bool(restated & meshes)
         # mutate: springs_of_other_belt
         lost = [w for w, wall in enumerate(elements) if wall.name in belts - meshes]
         if not (anew or lost):
@@ -492,7 +494,7 @@ class Solver:
         done = [self.step_count, self.neighbors.rebuilds, self._needs_rebuild]
         order = [self.params.block, *self.params.axes]
         if self._motion.servos:
-            stored["servo"] = np.array([[*s.state, *s.listed] for s in self._motion.servos.values()])
+            stored["servo"] = self._motion.servo_states()
         stored["counts"] = np.array([*done, self.spec.half_list, *order], np.int64)
         if self.scene.exits:
             stored |= self.departures.saved()
@@ -531,8 +533,7 @@ class Solver:
                 array = array[: len(values)]
             if array.size:
                 array.assign(values)
-        for path, row in zip(self._motion.servos.values(), saved.get("servo", ()), strict=True):
-            path.state[:], path.listed[:] = row[:-2], row[-2:]  # mutate: restart_servo
+        self._motion.load_servo_states(saved.get("servo", np.empty(0)))
         # mutate: restart_counts
         self.step_count, self.neighbors.rebuilds, self._needs_rebuild = counts[0], counts[1], bool(counts[2])
         self._set_walls(walls)
@@ -657,17 +658,20 @@ class Solver:
         return found
 
     def servo_ways(self) -> dict[str, np.ndarray]:
-        """How far each wall with a servo is from its place at the start [m], shape (3,), by name."""
-        elements, servos = self.scene.wall_elements, self._motion.servos
-        return {elements[w].name: path.at(self.step_count, 1).shift[0] for w, path in servos.items()}
+        """How far servos have moved their walls beyond the motions of the scene [m], (3,), by name."""
+        found, step = {}, self.step_count
+        for w in self._motion.servos:
+            name = self.scene.wall_elements[w].name
+            stated = self.scene.wall_paths[name].at(step, 1).shift[0]
+            found[name] = self._motion.paths[w].at(step, 1).shift[0] - stated
+        return found
 
     def _follow_forces(self) -> None:
         """Walls with a servo: their velocity in the next step, from the forces in the last one."""
-        if self._motion.servos:
+        if self._motion.follows(self.step_count):
             points = np.zeros((self.state.walls, 3))
             force, _torque = self._wall_forces.sums(self.params, self.walls, points)
-            for w, path in self._motion.servos.items():
-                path.advance(self.step_count, force[w])
+            self._motion.follow(self.step_count, force)
 
     def _work_of_walls(self) -> np.ndarray:
         """Work on the particles since the start [J], of each wall."""

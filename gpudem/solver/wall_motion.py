@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -31,11 +32,16 @@ class WallMotion:
 
     def __init__(self, scene: Scene, chunk: int):
         self.scene, self.chunk = scene, chunk
-        liggghts = bool(scene.meshes) and scene.contact.mesh_contacts == "liggghts"
-        self.servos = {w: ServoPath(servo, scene.time.step, liggghts) for w, servo in scene.servos.items()}
-        """Of these walls only the next step's place is known."""
+        following = self._following()
+        self.servos = {
+            w: [(0, math.inf, path)] if isinstance(path, ServoPath) else path.servos
+            for w, path in following.items()
+        }
+        """Of these walls only the next step's place is known: the steps at which each of their servos begins
+        and ends, and its path.
+        """
         self.paths: dict[int, WallPath | PhasedPath | ServoPath] = {
-            w: self.servos.get(w) or scene.wall_paths[wall.name]
+            w: following.get(w) or scene.wall_paths[wall.name]
             for w, wall in enumerate(scene.wall_elements) if wall.name in scene.wall_paths
         }  # fmt: skip
         self._turns = {
@@ -59,6 +65,45 @@ class WallMotion:
 
     def __bool__(self) -> bool:
         return bool(self.paths)
+
+    def _following(self) -> dict[int, PhasedPath | ServoPath]:
+        """Paths of the walls that follow a force at some time."""
+        scene, dt, found = self.scene, self.scene.time.step, {}
+        liggghts = bool(scene.meshes) and scene.contact.mesh_contacts == "liggghts"
+        parts = wall_phases.motions(scene)
+        for w, wall in enumerate(scene.wall_elements):
+            if wall.name not in scene.servos:
+                continue
+            if len(parts[wall.name]) == 1:
+                found[w] = ServoPath(scene.servos[wall.name][0][1], dt, liggghts)
+            else:
+                found[w] = PhasedPath(parts[wall.name], dt, liggghts, follow=True)
+        return found
+
+    # -- servos --------------------------------------------------------------------------------------------
+
+    def follows(self, step: int) -> bool:
+        """Whether a servo of any wall needs the force of this step."""
+        return any(begin < step < end for parts in self.servos.values() for begin, end, _ in parts)
+
+    def _servo_paths(self) -> list[ServoPath]:
+        return [path for parts in self.servos.values() for *_, path in parts]
+
+    def follow(self, step: int, force: np.ndarray) -> None:
+        """Step `step` is done with these forces on the walls [N], (m, 3)."""
+        for w, parts in self.servos.items():
+            for begin, end, path in parts:
+                if begin < step < end:  # mutate: steps_of_servo
+                    path.advance(step, force[w])
+
+    def servo_states(self) -> np.ndarray:
+        """What a restart needs of each servo, a row each."""
+        return np.array([[*path.state, *path.listed] for path in self._servo_paths()])
+
+    def load_servo_states(self, rows: np.ndarray) -> None:
+        """Take over what `servo_states` gave."""
+        for path, row in zip(self._servo_paths(), rows, strict=True):
+            path.state[:], path.listed[:] = row[:-2], row[-2:]  # mutate: restart_servo
 
     def attach(self, walls: Any, present: list[Wall]) -> None:
         """Write into this struct `Walls` from now on; of the others no list need know. A new list follows."""
@@ -130,7 +175,7 @@ class WallMotion:
     def list_made(self, step: int) -> None:
         """A list was made for the places of `step`."""
         self.list_step, self._reached, self._beyond = step, step + self._sure, False
-        for path in self.servos.values():
+        for path in self._servo_paths():
             path.list_made(step)
         self._at_list = self._marks_of_all(step) if self.servos else {}
 

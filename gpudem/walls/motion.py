@@ -244,13 +244,23 @@ class PhasedPath:
         parts: (first step, motions), steps ascending from 0; no motions: at rest.
         dt: Time step [s].
         sums: As in `WallPath`; the velocity is 0 in the set-up of each part too.
+        follow: Parts with a servo are a `ServoPath` each; otherwise the wall rests in them.
     """
 
     def __init__(
-        self, parts: Sequence[tuple[int, Sequence[Translation | Turn]]], dt: float, sums: bool = False
+        self,
+        parts: Sequence[tuple[int, Sequence[Translation | Turn]]],
+        dt: float,
+        sums: bool = False,
+        follow: bool = False,
     ):
         self.starts = [step for step, _ in parts]
-        self.paths = [WallPath(motions, dt, sums) for _, motions in parts]
+        self.paths: list[WallPath | ServoPath] = [
+            ServoPath(motions[0], dt, sums)
+            if follow and motions and isinstance(motions[0], Servo)
+            else WallPath(motions, dt, sums)
+            for _, motions in parts
+        ]
         self._begins = [(np.eye(3), np.zeros(3))]
 
     @staticmethod
@@ -280,7 +290,9 @@ class PhasedPath:
 
     def _part(self, k: int, first: int, count: int) -> Poses:
         """Poses in some steps of part k."""
-        poses = self.paths[k].at(first - self.starts[k], count)  # mutate: time_of_part
+        path = self.paths[k]
+        begin = 0 if isinstance(path, ServoPath) else self.starts[k]  # a servo counts the steps of the run
+        poses = path.at(first - begin, count)  # mutate: time_of_part
         if k == 0:
             return poses
         turned, moved = self._begin(k)
@@ -291,12 +303,25 @@ class PhasedPath:
         )
 
     def _begin(self, k: int) -> tuple[np.ndarray, np.ndarray]:
-        """The pose at which part k begins."""
+        """The pose at which part k begins; after a servo it is known once that has ended, and not kept."""
         while len(self._begins) <= k:
             last = len(self._begins) - 1
-            pose = self._part(last, self.starts[last + 1], 1)
-            self._begins.append((pose.rotation[0].copy(), pose.shift[0].copy()))
+            if isinstance(self.paths[last], ServoPath):
+                return self._end(k - 1)
+            self._begins.append(self._end(last))
         return self._begins[k]
+
+    def _end(self, k: int) -> tuple[np.ndarray, np.ndarray]:
+        """The pose at which part k ends."""
+        pose = self._part(k, self.starts[k + 1], 1)
+        return pose.rotation[0].copy(), pose.shift[0].copy()
+
+    @property
+    def servos(self) -> list[tuple[int, float, ServoPath]]:
+        """The parts that follow a force: the steps at which each begins and ends, and its path."""
+        ends = [*self.starts[1:], math.inf]
+        parts = zip(self.starts, ends, self.paths, strict=True)
+        return [(begin, end, path) for begin, end, path in parts if isinstance(path, ServoPath)]
 
 
 #: The rotation of a wall that does not turn, shape (1, 3, 3).

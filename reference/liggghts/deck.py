@@ -134,8 +134,7 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "trace": scene.output.trace_every is not None,
     }
     text = [_environment().get_template(f"{s}.j2").render(facts) for s in sections if present.get(s, True)]
-    files = {walls.mesh_file(mesh.name): walls.stl(mesh) for mesh in scene.meshes}
-    return Deck("".join(text), data(scene), segments, files, bool(scene.exits))
+    return Deck("".join(text), data(scene), segments, walls.mesh_files(scene), bool(scene.exits))
 
 
 def _of_meshes(scene: Scene, first: Segment) -> dict[str, Any]:

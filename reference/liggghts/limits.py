@@ -9,7 +9,7 @@ from gpudem.scene import Pair, Plane, Scene
 from gpudem.scene.laws import acting
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.motion import Servo
-from gpudem.scene.wall_phases import belts_that_change
+from gpudem.scene.wall_phases import belts_that_change, servos_that_change
 from gpudem.scene.walls import Wall
 from reference.liggghts import flow, groups, mesh_reach, removal, wall_loads
 from reference.liggghts.contact_model import laws_of, pairs_of
@@ -48,12 +48,12 @@ def warnings(scene: Scene) -> list[str]:
     if scene.meshes and not same_meshes(scene) and scene.output.history_every is not None:
         found.append(
             "history column 'contacts' is left out: LIGGGHTS cannot count contacts with meshes that come"
-            " or go, or whose belt changes"
+            " or go, whose belt changes, or of which a servo begins or ends"
         )
-    for w, servo in scene.servos.items():
+    for name, servo in ((name, servo) for name, parts in scene.servos.items() for _, servo in parts):
         if servo.ki > 0 and scene.contact.mesh_contacts != "liggghts":
             found.append(
-                f"walls.{scene.wall_elements[w].name}.motion: ki = {servo.ki:g} 1/s: where the controller is"
+                f"walls.{name}.motion: ki = {servo.ki:g} 1/s: where the controller is"
                 " at its limit LIGGGHTS resets the integral so that the wall goes the other way;"
                 " mesh_contacts = 'liggghts' has gpudem follow it"
             )
@@ -80,12 +80,19 @@ def warnings(scene: Scene) -> list[str]:
 
 
 def _lost_springs(scene: Scene) -> Iterator[str]:
-    """A wall with another belt is stated anew, and loses its springs."""
+    """A wall with another belt, or whose servo begins or ends, is stated anew, and loses its springs."""
     for k, (before, after) in enumerate(itertools.pairwise(scene.phase_scenes)):
         for name in sorted(belts_that_change(before, after)):
             yield (
                 f"phases[{k}].walls: {name}.surface_velocity: LIGGGHTS states the wall anew, and its contacts"
                 " lose their springs; mesh_contacts = 'liggghts' has gpudem follow it"
+            )
+    for k, step in enumerate(scene.phase_steps):
+        for name in sorted(servos_that_change(scene, step)):
+            yield (
+                f"phases[{k}].walls: {name}.motion: where a servo begins or ends LIGGGHTS states the mesh"
+                " anew, and the contacts of all meshes lose their springs; mesh_contacts = 'liggghts' has"
+                " gpudem follow it"
             )
 
 
@@ -109,7 +116,7 @@ def check(scene: Scene, ranks: int = 1) -> None:
             found.append(
                 f"walls.{wall.name}.kind = {wall.kind!r}: LIGGGHTS gets planes, endless cylinders and meshes"
             )
-    found += [*_belts_of_meshes(scene), *_laws_of_meshes(scene)]
+    found += [*_belts_of_meshes(scene), *_servos(scene), *_laws_of_meshes(scene)]
     found = list(dict.fromkeys(found))
     if found:
         raise LiggghtsCannotState(
@@ -230,6 +237,25 @@ def _belts_of_meshes(scene: Scene) -> Iterator[str]:
                 yield f"{key}: changes in a phase: LIGGGHTS states the mesh anew, at its place at the start"
             if mesh.name in scene.output.wall_stress:
                 yield f"{key}: changes in a phase: LIGGGHTS states no mesh anew whose stress is written"
+
+
+def _servos(scene: Scene) -> Iterator[str]:
+    """LIGGGHTS has a servo only on a mesh that is there, and one that begins or ends restates the mesh."""
+    for first, _, present in scene.segments:
+        at = scene.phase_after(first).meshes
+        names = {mesh.name for mesh in at if any(isinstance(motion, Servo) for motion in mesh.motion)}
+        for name in sorted(names - {wall.name for wall in present}):
+            yield (
+                f"walls.{name}.motion: a servo from {first * scene.time.step:g} s on, where the mesh is not"
+                " there: LIGGGHTS ends such a run; let a phase begin the servo when the mesh comes, or end it"
+                " when the mesh goes"
+            )
+    for k, step in enumerate(scene.phase_steps):
+        for name in sorted(servos_that_change(scene, step) & {*scene.output.wall_stress}):
+            yield (
+                f"phases[{k}].walls: {name}.motion: a servo begins or ends: LIGGGHTS states no mesh anew"
+                " whose stress is written"
+            )
 
 
 def _laws_of_meshes(scene: Scene) -> Iterator[str]:

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from gpudem.scene import Scene
-from gpudem.scene.placed import has_servo
 
 #: States of the run at which a mesh that moves is looked at; fewer for meshes of many triangles.
 SAMPLES = 500
@@ -20,12 +19,12 @@ MOST = 2_000_000
 def of_mesh(scene: Scene, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Bounds [m] of the centers of a mesh's triangles at some times of the run, lowest and highest, (k, 3).
 
-    One row for a mesh at rest, and for one with a servo, whose way is not known before.
+    One row for a mesh at rest. Where a servo moves it is not known before, and left out.
     """
     mesh = next(mesh for mesh in scene.meshes if mesh.name == name)
     centers = mesh.corners.mean(axis=1)
     path = scene.paths_of_walls(False).get(name)
-    if path is None or has_servo(mesh):
+    if path is None:
         return centers.min(axis=0)[None], centers.max(axis=0)[None]
     count = max(20, min(SAMPLES, MOST // len(centers)))
     lo, hi = [], []

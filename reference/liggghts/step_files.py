@@ -17,7 +17,7 @@ class Written:
 
     name: str
     ways: tuple[str, ...]
-    """Of a servo: formulas of its way from the start [m]."""
+    """Of a wall with a servo: formulas of the way of its torque point from the start [m]."""
     columns: tuple[str, ...]
     """Words of its load."""
 

@@ -18,9 +18,9 @@ from gpudem.contact import registry
 from gpudem.output import observables
 from gpudem.scene import Scene
 from gpudem.scene.mesh import Mesh
-from gpudem.scene.motion import Servo
 from gpudem.scene.wall_phases import belts_that_change, motions
 from gpudem.scene.walls import Wall
+from gpudem.walls.motion import PhasedPath, WallPath
 from reference.liggghts import groups
 from reference.liggghts.contact_model import laws_of
 from reference.liggghts.errors import LiggghtsOutputError
@@ -170,7 +170,7 @@ def written(scene: Scene) -> list[Written]:
     """The walls of which each step's load is written: those with work, and servos for their way."""
     found = []
     for wall in scene.wall_elements:
-        servo = any(isinstance(motion, Servo) for motion in wall.motion)
+        servo = wall.name in scene.servos
         worked = wall in _wanted(scene) and _readable(scene, wall) and _has_work(scene, wall)
         worked = worked and wall.name in scene.moving_walls
         if servo or worked:
@@ -185,9 +185,23 @@ def written(scene: Scene) -> list[Written]:
 
 
 def servo_ways(scene: Scene, folder: Path) -> dict[str, np.ndarray]:
-    """How far each servo wall is from its place at the start in every step [m], (steps + 1, 3), by name."""
-    walls = [scene.wall_elements[w].name for w in scene.servos]
-    return {name: lines(scene, folder, name)[:, 6:] for name in walls}
+    """How far servos have moved their walls beyond the motions of the scene [m], in every step, by name.
+
+    Shape (steps + 1, 3).
+    """
+    found = {}
+    for wall in scene.wall_elements:
+        if wall.name in scene.servos:
+            moved = lines(scene, folder, wall.name)[:, 6:]
+            stated = _point(wall, scene.wall_paths[wall.name], len(moved)) - np.array(wall.torque_point)
+            found[wall.name] = moved - stated
+    return found
+
+
+def _point(wall: Wall, path: WallPath | PhasedPath, count: int) -> np.ndarray:
+    """Where a path takes the torque point of a wall in the first steps [m], (count, 3)."""
+    poses = path.at(0, count)
+    return poses.rotation @ np.array(wall.torque_point) + poses.shift
 
 
 def triangle_forces(scene: Scene, folder: Path, step: int) -> dict[str, np.ndarray]:
@@ -256,10 +270,25 @@ def _work(scene: Scene, wall: Wall, folder: Path) -> np.ndarray:
     power = np.zeros(count)
     if wall.surface_velocity is not None:
         power = force @ np.array(wall.surface_velocity)
-    elif table.shape[1] > 6:
-        power[1:] = np.sum(force[1:] * np.diff(table[:, 6:], axis=0) / dt, axis=1)
     else:
         poses = path(scene, wall.name).at(0, count)
-        point = poses.rotation @ np.array(wall.torque_point) + poses.shift
+        point = _point(wall, path(scene, wall.name), count)
+        if wall.name in scene.servos:
+            point = table[:, 6:] + np.array(wall.torque_point)
         power = np.sum(force * poses.velocity_at(point), axis=1) + np.sum(torque * poses.spin, axis=1)
+        power[1:] += np.sum(force[1:] * _servo_velocity(scene, wall, point), axis=1)
     return -np.cumsum(power) * dt  # mutate: work_of_load
+
+
+def _servo_velocity(scene: Scene, wall: Wall, point: np.ndarray) -> np.ndarray:
+    """Velocity of a wall while a servo moves it, otherwise 0, in each step but the set-up [m/s], (steps, 3).
+
+    point: where its torque point is in every step [m].
+    """
+    found, steps = np.diff(point, axis=0) / scene.time.step, np.arange(1, len(point))
+    acts = np.zeros(len(steps), bool)
+    begun = {begin for begin, _ in scene.servos.get(wall.name, ())}
+    parts = [*(begin for begin, _ in motions(scene).get(wall.name, ())), len(point)]
+    for begin, end in itertools.pairwise(parts):
+        acts |= (steps > begin) & (steps <= end) & (begin in begun)
+    return np.where(acts[:, None], found, 0.0)

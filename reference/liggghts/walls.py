@@ -6,7 +6,9 @@ their motions are stated at the start, also those of a mesh that comes later: a 
 Walls that change between runs, as seen in runs of 3.8.0: a mesh whose `move/mesh` is unfixed stays where it
 is; a new one begins there with its own time from 0, and in the set-up of that run the mesh has no velocity.
 Several of one mesh must be unfixed in the reverse of their order. A `wall/gran` stated again under its name
-ends in SIGSEGV; unfixed and stated anew it loses its springs.
+ends in SIGSEGV; unfixed and stated anew it loses its springs. A mesh with a servo gets no `move/mesh`, so
+where one begins or ends the mesh is stated anew, at its place then: a file of the place that stated motions
+give it, moved by what servos have added.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ from gpudem.scene.motion import (
     Turn,
     TurnTable,
 )
-from gpudem.scene.wall_phases import belts_that_change
+from gpudem.scene.wall_phases import belts_that_change, servos_that_change
 from gpudem.scene.walls import Wall
 from gpudem.walls.motion import PhasedPath, WallPath
 from reference.liggghts.contact_model import atom_type, model, switches
@@ -70,6 +72,10 @@ class MeshWords:
     """`surface_vel` and its values, or nothing."""
     loads: str
     """Point of its torque, and servo; or nothing."""
+    place: tuple[tuple[str, str], ...]
+    """Of a mesh stated anew where it then is: (name, words) of the variables that its `move` and point of
+    torque read, evaluated before it goes.
+    """
     variables: tuple[tuple[str, str], ...]
     """(name, formula) of the variables that its motions read."""
     motions: tuple[str, ...]
@@ -88,7 +94,7 @@ class Change:
     stopped: tuple[str, ...]
     """Names of the motions of meshes that end."""
     anew: tuple[MeshWords, ...]
-    """Meshes with another belt."""
+    """Meshes with another belt, or of which a servo begins or ends."""
     started: tuple[MeshWords, ...]
     """Meshes with other motions."""
     meshes: tuple[str, ...]
@@ -107,9 +113,21 @@ def vector(values: np.ndarray | tuple[float, ...]) -> str:
     return " ".join(number(v) for v in values)
 
 
-def mesh_file(name: str) -> str:
-    """Name of the file of a mesh in the run directory."""
-    return f"mesh_{name}.stl"
+def mesh_file(name: str, phase: int = 0) -> str:
+    """Name of the file of a mesh in the run directory, of one that is stated anew in a phase from 1."""
+    return f"mesh_{name}_from_{phase}.stl" if phase else f"mesh_{name}.stl"
+
+
+def mesh_files(scene: Scene) -> dict[str, str]:
+    """Name and text of the file of each mesh, and of each that is stated anew where motions have moved it."""
+    found = {mesh_file(mesh.name): stl(mesh.name, mesh.corners) for mesh in scene.meshes}
+    for k, step in enumerate(scene.phase_steps, 1):
+        for mesh in scene.meshes:
+            if mesh.name in servos_that_change(scene, step):
+                pose = path(scene, mesh.name).at(step, 1)
+                corners = mesh.corners @ pose.rotation[0].T + pose.shift[0]  # mutate: place_of_mesh_anew
+                found[mesh_file(mesh.name, k)] = stl(mesh.name, corners)
+    return found
 
 
 def primitives(scene: Scene, phase: Scene | None = None) -> dict[str, Primitive]:
@@ -187,17 +205,38 @@ def meshes(scene: Scene, phase: int = 0) -> list[MeshWords]:
         servo = next((m for m in mesh.motion if isinstance(m, Servo)), None)
         moves = range(0 if servo else len(mesh.motion))
         motions = [_motion(scene, mesh, k, variables, phase, start) for k in moves]
-        asked = mesh.name in (*scene.output.wall_forces, *scene.output.wall_stress)
-        style, words = _load(place, servo) if servo or asked else ("", "")
+        asked = mesh.name in (*scene.output.wall_forces, *scene.output.wall_stress, *scene.servos)
+        anew = bool(phase) and mesh.name in servos_that_change(scene, start)
+        at = _place_then(scene, place, phase, start) if anew else ()
+        style, words = _load(place, servo, phase if anew else 0) if servo or asked else ("", "")
         belt = "" if mesh.surface_velocity is None else f" surface_vel {vector(mesh.surface_velocity)}"
-        kind, name, style = atom_type(scene, mesh), mesh_file(mesh.name), f"mesh/surface{style}"
-        found.append(MeshWords(mesh.name, style, kind, name, belt, words, tuple(variables), tuple(motions)))
+        kind, name = atom_type(scene, mesh), mesh_file(mesh.name, phase if anew else 0)
+        style = f"mesh/surface{style}"
+        found.append(
+            MeshWords(mesh.name, style, kind, name, belt, words, at, tuple(variables), tuple(motions))
+        )
     return found
 
 
-def _load(mesh: Mesh, servo: Servo | None) -> tuple[str, str]:
-    """(end of the style, words) of a mesh on which forces are summed; the point moves with it."""
+def _place_then(scene: Scene, mesh: Mesh, phase: int, step: int) -> tuple[tuple[str, str], ...]:
+    """Variables with all digits: where the torque point of a mesh is at the start of a phase [m], and how far
+    servos have moved it beyond its stated motions.
+    """
+    pose = path(scene, mesh.name).at(step, 1)
+    stated, found = pose.rotation[0] @ np.array(mesh.torque_point) + pose.shift[0], []
+    for k, x in enumerate(stated.tolist()):
+        name, now = f"{mesh.name}_{phase}_{'xyz'[k]}", f"f_mesh_{mesh.name}[{k + 7}]"
+        found += [(f"point_{name}", f"$({now})"), (f"moved_{name}", f"$({now}-({number(x)}))")]
+    return tuple(found)
+
+
+def _load(mesh: Mesh, servo: Servo | None, phase: int) -> tuple[str, str]:
+    """(end of the style, words) of a mesh on which forces are summed; the point moves with it. phase: the one
+    in which it is stated anew where it then is, or 0.
+    """
     point = vector(mesh.torque_point)
+    if phase:
+        point = " ".join(f"${{point_{mesh.name}_{phase}_{axis}}}" for axis in "xyz")
     if servo is None:
         return "/stress", f" reference_point {point}"
     return "/stress/servo", (
@@ -254,7 +293,7 @@ def _table(
 
 
 def same_meshes(scene: Scene) -> bool:
-    """Whether no mesh comes, goes or has another belt; only then LIGGGHTS can count contacts with them.
+    """Whether no mesh comes, goes or is stated anew; only then LIGGGHTS can count contacts with them.
 
     It wants the compute before the first run, and removes no wall of meshes that a compute reads.
     """
@@ -270,12 +309,13 @@ def changes(scene: Scene) -> list[Change]:
         old_meshes, new_meshes = [n for n in old if n in names], [n for n in new if n in names]
         last, phase = scene.phase_after(earlier), scene.phase_after(first)
         belts = belts_that_change(last, phase)
-        stopped, anew, started = _of_meshes(scene, first, belts)
+        servos = servos_that_change(scene, first)
+        stopped, anew, started = _of_meshes(scene, first, belts | servos)
         shapes = primitives(scene, phase)
         found.append(
             Change(
                 removed=tuple(n for n in old if n not in names and (n not in new or n in belts)),
-                of_meshes=old_meshes != new_meshes or bool(belts & {*old_meshes}),
+                of_meshes=old_meshes != new_meshes or bool((belts | servos) & {*old_meshes}),
                 meshes_before=tuple(old_meshes),
                 stopped=stopped, anew=anew, started=started,
                 meshes=tuple(new_meshes),
@@ -286,7 +326,7 @@ def changes(scene: Scene) -> list[Change]:
 
 
 def _of_meshes(
-    scene: Scene, first: int, belts: set[str]
+    scene: Scene, first: int, restated: set[str]
 ) -> tuple[tuple[str, ...], tuple[MeshWords, ...], tuple[MeshWords, ...]]:
     """Motions that end in a step, meshes stated anew, and meshes whose motions start there."""
     if first not in scene.phase_steps:
@@ -295,9 +335,10 @@ def _of_meshes(
     moved = {change.name for change in scene.phases[k].walls if change.motion is not None}
     words = meshes(scene, k + 1)
     before = [mesh for mesh in scene.phase_scenes[k].meshes if mesh.name in moved]
+    before = [mesh for mesh in before if not any(isinstance(motion, Servo) for motion in mesh.motion)]
     # mutate: order_of_motions_that_stop
     stopped = tuple(f"{mesh.name}_{m}" for mesh in before for m in reversed(range(1, len(mesh.motion) + 1)))
-    anew = tuple(mesh for mesh in words if mesh.name in belts)
+    anew = tuple(mesh for mesh in words if mesh.name in restated)
     return stopped, anew, tuple(mesh for mesh in words if mesh.name in moved)
 
 
@@ -306,15 +347,14 @@ def path(scene: Scene, name: str) -> WallPath | PhasedPath:
     return scene.paths_of_walls(sums=True)[name]
 
 
-def stl(mesh: Mesh) -> str:
-    """A mesh in its place at the start as an ASCII STL file, 17 digits, triangles in their order."""
-    corners = mesh.corners
+def stl(name: str, corners: np.ndarray) -> str:
+    """Triangles, (k, 3, 3) [m], as an ASCII STL file, 17 digits, in their order."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.linalg.norm(normal, axis=1, keepdims=True)
     normal = normal / np.where(size > 0, size, 1.0)
-    lines = [f"solid {mesh.name}"]
+    lines = [f"solid {name}"]
     for n, triangle in zip(normal.tolist(), corners.tolist(), strict=True):
         lines.append("facet normal {:.17g} {:.17g} {:.17g}\nouter loop".format(*n))
         lines += ["vertex {:.17g} {:.17g} {:.17g}".format(*corner) for corner in triangle]
         lines.append("endloop\nendfacet")
-    return "\n".join([*lines, f"endsolid {mesh.name}", ""])
+    return "\n".join([*lines, f"endsolid {name}", ""])

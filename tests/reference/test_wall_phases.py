@@ -81,7 +81,26 @@ def turned_back() -> Scene:
     return drum().replace(phases=changes)
 
 
+SERVO = {"type": "servo", "axis": (0, 0, -2), "target": 0.3, "velocity_limit": 0.2, "kp": 0.5, "ki": 50.0}
+DOWN, UP = ({"type": "linear", "velocity": (0.0, 0.0, v)} for v in (-0.05, 0.02))
+TILT = {"type": "rotate", "axis": (0, -1, 0), "point": (0.03, 0, 0.006), "period": 2.0}
+
+
+def press(*motions: list[dict], moves: tuple[dict, ...] = (), rule: str = "liggghts", **more: Any) -> Scene:
+    """A plate over a ball that slides on a mesh; these motions of it begin after 2 ms each."""
+    changes = phases(*((0.002 * k, {"motion": m}) for k, m in enumerate(motions, 1)), name="plate")
+    plate = mesh("plate", move=(0, 0, 0.00605), motion=list(moves), reference=(0.01, 0.02, 0.005), **FLAT)
+    return rolling(
+        "press", [mesh(**FLAT), plate], steps=400 * (len(motions) + 1), position=[[0.001, 0.002, 0.00299]],
+        velocity=[[0.5, 0.2, 0.0]], spin=[[0, 0, 0]], gravity=(0, 0, -9.81), phases=changes,
+        contact={"mesh_contacts": rule}, output={"wall_forces": ("floor", "plate")} | more,
+    )  # fmt: skip
+
+
 SCENES = {
+    "servo_begins": lambda: press([SERVO], moves=(DOWN,)),
+    "servo_ends": lambda: press([], [SERVO], [UP], moves=(SERVO,)),
+    "servo_between_turns": lambda: press([SERVO], [TILT], [{**SERVO, "target": 0.1}], moves=(TILT,)),
     "starts": lambda: moved("starts", phases=phases((0.004, {"motion": [LINEAR]}))),
     "stops": lambda: moved("stops", LINEAR, phases=phases((0.004, {"motion": []}))),
     "turns_back": lambda: moved(
@@ -151,6 +170,29 @@ def test_deck():
     assert "\nfix             meshes" not in middle + tail
 
 
+def test_deck_of_a_servo_that_begins_and_ends():
+    """Detects: a place with fewer digits than the binary has, motions beside a servo, which it refuses, a
+    mesh whose load before the servo is not written.
+    """
+    deck = render(press([SERVO], [TILT], moves=(DOWN,)))
+    head, middle, tail = deck.text.split("run  ")[:3]
+    assert "mesh/surface/stress file mesh_plate.stl type 2 curvature" in head
+    assert [line.split()[1] for line in middle.splitlines() if line.startswith("unfix")] == [
+        "meshes", "move_plate_1", "mesh_plate",
+    ]  # fmt: skip
+    assert "move_plate" not in middle.split("unfix           mesh_plate\n")[1]
+    assert "variable        moved_plate_1_z string $(f_mesh_plate[9]-(0.0049" in middle
+    moved = "move ${moved_plate_1_x} ${moved_plate_1_y} ${moved_plate_1_z}"
+    point = "com ${point_plate_1_x} ${point_plate_1_y} ${point_plate_1_z}"
+    assert f"servo file mesh_plate_from_1.stl type 2 {moved} curvature 0.256235 {point} ctrlPV" in middle
+    assert "unfix           move_plate" not in tail
+    assert "mesh/surface/stress file mesh_plate_from_2.stl" in tail
+    assert "move_plate_1 all move/mesh mesh mesh_plate rotate" in tail
+    assert list(deck.meshes) == [
+        f"mesh_{name}.stl" for name in ("floor", "plate", "plate_from_1", "plate_from_2")
+    ]
+
+
 def test_what_liggghts_cannot_state():
     """Detects: a plane that begins to move, a mesh with another belt at another place, without a word."""
     plane = rolling("plane", FLOOR, phases=phases((0.004, {"motion": [LINEAR]})), steps=100)
@@ -162,6 +204,14 @@ def test_what_liggghts_cannot_state():
     tilted = rolling("tilted", FLOOR, phases=phases((0.004, {"surface_velocity": (1, 1, 0)})), steps=100)
     with pytest.raises(LiggghtsCannotState, match="moves the surface of a plane along one axis"):
         limits.check(tilted)
+    with pytest.raises(LiggghtsCannotState, match="states no mesh anew whose stress is written"):
+        limits.check(press([SERVO], wall_stress=("plate",)))
+    gone = press([SERVO], [UP]).model_dump()["phases"]
+    gone[0]["walls"][0]["present"], gone[1]["walls"][0]["present"] = False, True
+    with pytest.raises(
+        LiggghtsCannotState, match=r"plate.motion: a servo from 0.002 s on, where the mesh is not"
+    ):
+        limits.check(press([SERVO], [UP]).replace(phases=gone))
 
 
 def test_lost_springs_are_said():
@@ -171,4 +221,8 @@ def test_lost_springs_are_said():
     assert sum("states the wall anew, and its contacts lose their springs" in word for word in words) == 2
     assert any("'floor' are left out" in word for word in words)
     assert not any("lose their springs" in word for word in limits.warnings(belt(FLOOR)))
+    words = limits.warnings(press([SERVO], [UP], rule="unique"))
+    assert sum("the contacts of all meshes lose their springs" in word for word in words) == 2
+    assert any("'contacts' is left out" in word and "a servo begins" in word for word in words)
+    assert not any("lose their springs" in word for word in limits.warnings(press([SERVO], [UP])))
     assert scene.hash != belt(FLOOR).replace(output={"wall_forces": ("floor",)}).hash
