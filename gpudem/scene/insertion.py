@@ -214,13 +214,26 @@ def resolve(scene: Scene) -> Inserted:
         times.append(found.time)
         warnings += [w.replace("particles.", f"insert[{k}].") for w in found.warnings]
     time = np.concatenate(times)
-    step = np.maximum(1, np.rint(time / scene.time.step).astype(np.int64))
+    step = _steps_of(scene, time)
     order = np.argsort(step, kind="stable")  # mutate: order_of_insertion
     state = joined(states)
     columns: dict[str, Any] = {
         field.name: _frozen(getattr(state, field.name)[order]) for field in dataclasses.fields(state)
     }
     return Inserted(InitialState(**columns), step[order], time[order], tuple(warnings))
+
+
+def statement_of(scene: Scene, row: int) -> int:
+    """Which `[[insert]]`, from 0, has stated a row of `Scene.state` that is inserted."""
+    counts = [len(found.state) for found in scene.insertion_lists]
+    times = np.concatenate([np.asarray(found.time) for found in scene.insertion_lists])
+    order = np.argsort(_steps_of(scene, times), kind="stable")
+    return int(np.repeat(np.arange(len(counts)), counts)[order][row - (len(scene.state) - len(order))])
+
+
+def _steps_of(scene: Scene, time: np.ndarray) -> np.ndarray:
+    """The steps in which particles of these times [s] are inserted."""
+    return np.maximum(1, np.rint(time / scene.time.step).astype(np.int64))
 
 
 def joined(states: list[InitialState]) -> InitialState:

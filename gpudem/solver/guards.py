@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gpudem.scene.groups import FREE
+from gpudem.scene.insertion import statement_of
 from gpudem.scene.overlaps import find_overlaps, start_elastic_energy
 from gpudem.scene.placed import walls_at
 
@@ -35,6 +36,19 @@ OVERLAP_ADVICE = (
     "the material is too soft or the time step too long for this speed; waive with allow = ['large_overlap']"
 )
 SPEED_ADVICE = "it would pass through others: a shorter time step; waive with allow = ['speed']"
+
+
+def pair_advice(scene: Scene, i: int, j: int, step: int) -> str:
+    """What to do about two particles, rows of the scene, deep in one another in a step."""
+    late = max(i, j)
+    if not scene.insert or scene.arrival_steps[late] != step:
+        return OVERLAP_ADVICE
+    return (
+        f"insert[{statement_of(scene, late)}] inserts particle {late + 1} in this step where particle"
+        f" {min(i, j) + 1} is: an insertion avoids particles of the start in the first step only, and"
+        " inserted ones in free flight; choose a region or a time without others, or waive with"
+        " allow = ['large_overlap']"
+    )
 
 
 def wall_advice(scene: Scene, wall: Wall) -> str:

@@ -157,7 +157,7 @@ class NeighborList:
         self._graphs: dict[tuple[int, int], Any] = {}
         """Rebuilds recorded as CUDA graphs, by the side of the bodies and of the list."""
         self.on_reallocate: Callable[[], None] = lambda: None
-        self.when: Callable[[], str] = lambda: ""
+        self.next_step: Callable[[], int] = lambda: 0
         self._allocate(with_room(0))
 
     def _kernels(self) -> dict[str, Any]:
@@ -410,7 +410,7 @@ class NeighborList:
         if report == NO_REPORT:
             return
         code, particle, other = unpack_report(report)
-        scene = self.scene
+        scene, step = self.scene, self.next_step()
         share = f"more than {guards.overlap_limit(scene):g} of the {'smaller ' * (code == TOO_DEEP)}radius"
         wall = scene.wall_elements[other].name if code == DEEP_IN_WALL else ""
         what = {
@@ -420,7 +420,10 @@ class NeighborList:
             TOO_DEEP: f"overlaps particle {other + 1} by {share}",
             DEEP_IN_WALL: f"overlaps wall {wall} by {share}",
         }[code]
-        advice = {TOO_FAST: guards.SPEED_ADVICE, TOO_DEEP: guards.OVERLAP_ADVICE}.get(code, "")
+        advice = guards.SPEED_ADVICE if code == TOO_FAST else ""
+        if code == TOO_DEEP:
+            advice = guards.pair_advice(scene, particle, other, step)
         if code == DEEP_IN_WALL:
             advice = guards.wall_advice(scene, scene.wall_elements[other])
-        raise SimulationError(f"particle {particle + 1} {what} at {self.when()}{'; ' * bool(advice)}{advice}")
+        when = f"t = {step * scene.time.step:.9g} s (step {step})"
+        raise SimulationError(f"particle {particle + 1} {what} at {when}{'; ' * bool(advice)}{advice}")

@@ -100,7 +100,7 @@ class Solver:
         self.laws = self._laws()
         self.neighbors = NeighborList(scene, self.state, self.params, self.pool)
         self.neighbors.on_reallocate = self._invalidate_launches
-        self.neighbors.when = self._next_step_in_words
+        self.neighbors.next_step = lambda: self.step_count + 1
         self.neighbors.on_leave = self._let_go
         self.departures = Departures(scene)
         self.kernel = self.plain_kernel = step_kernel(self.spec, lanes=self.lanes)
@@ -451,10 +451,6 @@ class Solver:
             self.neighbors.rebuild_in_graph(self.graphs)
         self._motion.list_made(self._walls_at)
         self._list_step, self._needs_rebuild = self.step_count, False
-
-    def _next_step_in_words(self) -> str:
-        step = self.step_count + 1
-        return f"t = {step * self.scene.time.step:.9g} s (step {step})"
 
     def _launch(self, mode: int, launch: int = 0) -> None:
         """The step kernel from `now` to `next`; recorded once for each mode, place and direction."""

@@ -10,6 +10,7 @@ from comparisons.oracles.mesh_shapes import rectangle
 from gpudem import Simulation
 from gpudem.driver import resume
 from gpudem.driver import simulate as run
+from gpudem.errors import SimulationError
 from gpudem.output.run import Run
 from gpudem.scene import Scene
 from gpudem.solver.solver import Solver
@@ -239,6 +240,18 @@ def test_damping_of_a_ball_that_comes_in_contact():
     still = run(falling(particles={"source": "explicit", **slow}, insert=[], **common)).trace
     assert still is not None
     assert still["force"][0, 0, 2] < 0.7 * pushed  # most of it is damping
+
+
+def test_an_insertion_into_a_bed_is_named():
+    """Detects: a message that blames the material or the time step, or that names another insertion."""
+    other = {"kind": "list", "time": STEP, "position": [(0.5, 0, 0)], "radius": 0.01, "material": "ball"}
+    into = {**other, "time": 6 * STEP, "position": [(0.0, 0.001, 0)]}
+    with pytest.raises(
+        SimulationError, match=r"insert\[1\] inserts particle 3 in this step where particle 1 is"
+    ):
+        run(falling(insert=[other, into]))
+    with pytest.raises(SimulationError, match=r"\(step 6\); insert\[0\] inserts particle 3 in this step"):
+        run(falling(insert=[into, other]))
 
 
 def test_a_late_one_warns():

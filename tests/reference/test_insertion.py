@@ -32,6 +32,13 @@ STREAM = {
     "kind": "stream", "face": {"kind": "disc", "center": (0.05, 0.05, 0.15), "axis": (0, 0, 1),
     "radius": 0.04}, "number_rate": 1500.0, "radius": 0.006, "material": "ball", "velocity": (0, 0, -4.0),
 }  # fmt: skip
+#: Where the start and one another are: the first fills the box around the balls that are there, the second
+#: comes from above while they fall, as many as fit.
+AROUND = {**PACK, "region": {"kind": "block", "lo": (0.0, 0.0, 0.0), "hi": (0.1, 0.1, 0.1)}, "count": 80}
+BETWEEN = {
+    **PACK, "region": {"kind": "block", "lo": (0.0, 0.0, 0.05), "hi": (0.1, 0.1, 0.14)}, "time": 0.004,
+    "every": 0.009, "count": 150, "seed": 2,
+}  # fmt: skip
 
 
 def pouring(at_start: bool = True, periodic: bool = False, count: int = 30, **changes) -> Scene:
@@ -79,8 +86,9 @@ def pouring(at_start: bool = True, periodic: bool = False, count: int = 30, **ch
         {"periodic": True},
         {"insert": [PACK], "at_start": False},
         {"insert": [STREAM]},
+        {"insert": [AROUND, BETWEEN], "time": {"step": 1e-5, "duration": 0.03}},
     ],
-    ids=["bed", "none at the start", "periodic", "pack", "stream"],
+    ids=["bed", "none at the start", "periodic", "pack", "stream", "two in one place"],
 )
 def test_agrees_with_binary(options, tmp_path, liggghts):
     """Detects: an insertion a step apart, as a set-up, at a rounded place, with another kick, other ids."""
@@ -104,7 +112,9 @@ def test_agrees_with_binary(options, tmp_path, liggghts):
         assert np.array_equal(run.history[name].isna(), ours.history[name].isna()), name
         assert np.nanmax(np.abs(run.history[name] - ours.history[name])) <= 1e-9 * scale, name
     assert ours.history.contacts.max() > 5
-    assert [len(f["id"]) for f in run.frames] == [scene.count_at(s) for s in range(0, 5001, 1000)]
+    assert [len(f["id"]) for f in run.frames] == [
+        scene.count_at(s) for s in range(0, scene.n_steps + 1, 1000)
+    ]
 
 
 def test_deck():
