@@ -44,7 +44,7 @@ MOTIONS: dict[str, list[dict[str, Any]]] = {
 TOLERANCE = {"mixed": 1e-3, "float32": 0.1}
 REHEARSED = {"half_list": False, "chunk": 32, "rebuild_in_graph": True}
 #: Of the 30 pairs, those that stand in the default suite.
-FAST = {("box", "rotate"), ("cylinder", "linear"), ("mesh", "two")}
+FAST = {("box", "rotate"), ("mesh", "two")}
 PAIRS_OF = [
     pytest.param(kind, motion, marks=() if (kind, motion) in FAST else pytest.mark.slow)
     for kind in KINDS

@@ -25,12 +25,13 @@ def test_mixed_follows_every_law(name):
     """
     scene = (AGREEMENT | OURS)[name]()
     ours, theirs = run(scene, precision="mixed").trace, emulate(scene)
+    apart = {}
     for column in COLUMNS:
         scale = max(np.abs(theirs[column]).max(), 1e-300)
         bound = (1e-7 if column == "position" else 1e-6) * (1 + scene.needs.cohesion)
-        assert np.abs(ours[column] - theirs[column]).max() / scale < bound, column
-    exact = run(scene).trace
-    assert not np.array_equal(ours["velocity"], exact["velocity"])  # it was not float64
+        apart[column] = np.abs(ours[column] - theirs[column]).max() / scale
+        assert apart[column] < bound, column
+    assert apart["velocity"] > 1e-11  # it was not float64, which agrees to 1e-12
 
 
 def resting(precision: str) -> tuple[float, float]:

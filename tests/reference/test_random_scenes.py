@@ -16,7 +16,7 @@ from tests.reference.random_scenes import random_scene
 TOLERANCE = 1e-9
 #: Torque of `cdt` jumps where a spin changes its sign: a ball that comes to rest multiplies rounding. [s]
 UNTIL = {"cdt": 0.008}
-#: The first of them in every run of the tests, the others in the slow tier.
+#: One of them is in every run of the tests (`SLOW_ROWS`), the others in the slow tier.
 SCENES = range(24)
 
 
