@@ -5,19 +5,17 @@ In a run of several workers (`make test`), tests that measure time have the mach
 
 from __future__ import annotations
 
-import contextlib
-import fcntl
 import os
 import re
 import shutil
 import signal
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from importlib.metadata import entry_points
-from pathlib import Path
 
 import pytest
 
 from comparisons.harness.pytest_checks import CheckItem
+from tests.machine import machine
 
 #: The plug-in comes with the installed package; from a tree that is not installed it is named here.
 pytest_plugins = [] if entry_points(group="pytest11", name="gpudem") else ["comparisons.pytest_plugin"]
@@ -86,6 +84,7 @@ SLOW_ROWS = {
     r"test_wall_loads.py::test_loads_agree_with_binary\[(mesh_cdt|flat_mesh|mesh_linear|mesh_gate)": (
         "loads of belts, turns, periodic floors and servos"
     ),
+    r"test_own_repository.py::test_a_mistake_is_one_line\[(package|code|tier)": "case, jobs",
     r"test_own_repository.py::test_with_several_workers_there_is_one_report\[loadscope": "load",
     r"test_mesh_rules.py::test_liggghts_rule\[faceted sphere\]": "shuffled",
     r"test_checks_can_fail.py::.*\[(merge angle|curvature|period of|restitution on a plate|dashpot)": (
@@ -156,21 +155,3 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
     workers = file if hasattr(item.config, "workerinput") else None
     with machine(workers, exclusive=item.get_closest_marker("timing") is not None):
         return (yield)
-
-
-@contextlib.contextmanager
-def machine(path: Path | None, exclusive: bool) -> Iterator[None]:
-    """Share the machine with the other workers of a run, or have it without them; a file is their lock.
-
-    Of its two bytes the first is held while one waits for the second: so a worker that waits for the others
-    to end their tests is not overtaken by their next ones.
-    """
-    if path is None:
-        yield
-        return
-    path.parent.mkdir(exist_ok=True)
-    with path.open("a+b") as file:
-        fcntl.lockf(file, fcntl.LOCK_EX, 1, 0)
-        fcntl.lockf(file, fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH, 1, 1)
-        fcntl.lockf(file, fcntl.LOCK_UN, 1, 0)
-        yield

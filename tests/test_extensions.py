@@ -1,5 +1,6 @@
 """What other packages may add, and how: a contact law and a kind of wall, each in one file of their own."""
 
+import json
 import os
 import subprocess
 import sys
@@ -113,10 +114,12 @@ def installed(tmp_path_factory) -> Path:
     return folder
 
 
-def command(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+def command(
+    folder: Path, *words: str, program: tuple[str, ...] = ("-m", "comparisons")
+) -> subprocess.CompletedProcess[str]:
     path = os.pathsep.join([str(folder / "site"), str(ROOT)])
     return subprocess.run(
-        [sys.executable, "-m", "comparisons", *words], cwd=folder, capture_output=True, text=True,
+        [sys.executable, *program, *words], cwd=folder, capture_output=True, text=True,
         env={**os.environ, "PYTHONPATH": path}, check=False,
     )  # fmt: skip
 
@@ -144,26 +147,42 @@ def test_it_is_refused_for_liggghts_by_name(installed):
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize(
-    ("before", "after", "message"),
-    [
-        ('"linear"\n', '"linaer"\n', ""),
-        ('normal = "linear"', 'normal = "linea"', "contact.normal = 'linea': unknown; did you mean 'linear'"),
-        ("spring = 1e4, ", "", "pairs: a / a: linear needs spring"),
-        ("spring = 1e4", "spring = 0", "pairs[0].spring = 0: out of range; allowed: 0 < value [N/m]"),
-        ("dashpot = 0.3", "dashpot = 2e6", "pairs[0].dashpot = 2000000.0: out of range; allowed: 0 <= value"),
-        ("dashpot = 0.3", "dashpt = 0.3", "pairs[0].dashpt: unknown key; did you mean 'dashpot'?"),
-        ('tangential = "off"', 'tangential = "off", spring = 1', "contact.spring: unknown key"),
-        ("step = 1e-7", "step = 1e-3", "time.step = 0.001 s: above 0.2 of the contact time (linear)"),
-    ],
+#: What is changed in the scene, into what, and the message; none where it stays right.
+MISTAKES = (
+    ('"linear"\n', '"linaer"\n', ""),
+    ('normal = "linear"', 'normal = "linea"', "contact.normal = 'linea': unknown; did you mean 'linear'"),
+    ("spring = 1e4, ", "", "pairs: a / a: linear needs spring"),
+    ("spring = 1e4", "spring = 0", "pairs[0].spring = 0: out of range; allowed: 0 < value [N/m]"),
+    ("dashpot = 0.3", "dashpot = 2e6", "pairs[0].dashpot = 2000000.0: out of range; allowed: 0 <= value"),
+    ("dashpot = 0.3", "dashpt = 0.3", "pairs[0].dashpt: unknown key; did you mean 'dashpot'?"),
+    ('tangential = "off"', 'tangential = "off", spring = 1', "contact.spring: unknown key"),
+    ("step = 1e-7", "step = 1e-3", "time.step = 0.001 s: above 0.2 of the contact time (linear)"),
 )  # fmt: skip
-def test_its_parameters_are_checked(installed, before, after, message):
+#: `gpudem validate` of several files, in one process: (exit code, what it says) of each.
+VALIDATE = """
+import contextlib, io, json, sys
+from comparisons.cli import main
+found = []
+for name in sys.argv[1:]:
+    with contextlib.redirect_stderr(io.StringIO()) as said, contextlib.redirect_stdout(io.StringIO()):
+        code = main(["validate", name])
+    found.append((code, said.getvalue()))
+print(json.dumps(found))
+"""
+
+
+def test_its_parameters_are_checked(installed):
     """As those of the built-in laws: catches keys that go unread."""
-    assert before in SCENE
-    (installed / "bad.toml").write_text(SCENE.replace(before, after))
-    done = command(installed, "validate", "bad.toml")
-    assert message in done.stderr
-    assert done.returncode == (2 if message else 0)
+    names = []
+    for k, (before, after, _) in enumerate(MISTAKES):
+        assert before in SCENE
+        names.append(f"bad_{k}.toml")
+        (installed / names[-1]).write_text(SCENE.replace(before, after))
+    done = command(installed, *names, program=("-c", VALIDATE))
+    assert done.returncode == 0, done.stderr
+    for (code, said), (_, after, message) in zip(json.loads(done.stdout), MISTAKES, strict=True):
+        assert message in said, after
+        assert code == (2 if message else 0), after
 
 
 def test_without_the_package_its_law_is_unknown(tmp_path):

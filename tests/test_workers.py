@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import machine
+from tests.machine import machine
 
 pytestmark = pytest.mark.long
 
@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[1]
 WORKER = """
 import sys
 from pathlib import Path
-from tests.conftest import machine
+from tests.machine import machine
 print("asks", flush=True)
 with machine(Path(sys.argv[1]), exclusive=sys.argv[2] == "alone"):
     print("in", flush=True)

@@ -3,7 +3,9 @@
 import dataclasses
 import importlib
 import json
+import shutil
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -19,8 +21,14 @@ from tests.comparisons.test_report import Page
 pytestmark = pytest.mark.long
 
 
+@pytest.fixture(scope="module")
+def record(tmp_path_factory) -> Path:
+    """Where the first test that needs it leaves the recorded case for the others."""
+    return tmp_path_factory.mktemp("record") / "full"
+
+
 @pytest.fixture
-def kept(tmp_path, monkeypatch, fake_codes, capsys):
+def kept(tmp_path, monkeypatch, fake_codes, capsys, record):
     """A folder with one recorded case."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("GPUDEM_NO_RENDER", "1")
@@ -28,8 +36,11 @@ def kept(tmp_path, monkeypatch, fake_codes, capsys):
     folder = tmp_path / "full"
     for name in ("keep", "find"):
         monkeypatch.setattr(getattr(recorded_cases, name), "__defaults__", (folder,))
+    if record.exists():
+        return shutil.copytree(record, folder)
     assert cli.main(["compare", "-q", "--tier", "full", "--record"]) == 0
     assert f"kept: {folder / 'throw.json'}" in capsys.readouterr().err
+    shutil.copytree(folder, record)
     return folder
 
 
