@@ -83,6 +83,28 @@ def test_in_a_cylinder():
     assert made.fraction == pytest.approx((4 / 3 * math.pi * made.radius**3).sum() / volume)
 
 
+def test_inside_of_a_mesh(tmp_path):
+    """An L with arms of 0.4 m: distances from its faces and its inner edge by hand.
+
+    Detects: a container that is the box around the mesh, or its convex hull; spheres pushed outwards.
+    """
+    outline = np.array([(-0.4, 0.1), (0.4, 0.1), (0.4, 0.5), (0.0, 0.5), (0.0, 0.9), (-0.4, 0.9)])
+    points = np.concatenate([np.insert(outline, 2, z, axis=1) for z in (0.1, 0.9)])
+    lid = np.array([(3, 4, 5), (3, 5, 0), (3, 0, 1), (3, 1, 2)])
+    sides = [(k, (k + 1) % 6, (k + 1) % 6 + 6) for k in range(6)]
+    sides += [(k, (k + 1) % 6 + 6, k + 6) for k in range(6)]
+    np.savez(tmp_path / "l.npz", vertices=points, triangles=np.concatenate([lid[:, ::-1], lid + 6, sides]))
+    region = {"kind": "mesh", "file": str(tmp_path / "l.npz")}
+    made = grow(scene(region, periodic=False, radius=0.09, volume_fraction=0.3))
+    x, y, z = (made.position - (-0.4, 0.1, 0.1)).T
+    faces = np.min([x, 0.8 - x, y, 0.8 - y, z, 0.8 - z], axis=0)
+    edge = np.where((x < 0.4) & (y < 0.4), np.hypot(0.4 - x, 0.4 - y), np.where(x < 0.4, 0.4 - x, 0.4 - y))
+    assert (np.minimum(faces, edge) >= (1 - OVERLAP) * made.radius).all()
+    assert deepest(made.position, made.radius, 0.0) <= OVERLAP
+    assert made.fraction == pytest.approx((4 / 3 * math.pi * made.radius**3).sum() / (0.48 * 0.8))
+    assert made.fraction == pytest.approx(0.3, abs=0.01)
+
+
 def test_as_many_as_fit(monkeypatch):
     """Detects the last size drawn left out for the first, particles lost in silence, a shrunken size."""
     monkeypatch.setattr(growth, "SMALLEST", 5e-3)
