@@ -173,7 +173,7 @@ class Simulation:
         facts = (
             solver.contact_count, solver.wall_work, solver.wall_loads, solver.servo_ways,
             solver.triangle_forces, solver.rows, solver.departures.totals,
-            solver.departures.places, solver.group_works,
+            solver.departures.places, solver.group_works, solver.crossings,
         )  # fmt: skip
         if solver.device.is_cuda:
             return DeviceView(self.scene, step, self._column, self._scalars, *facts)

@@ -34,6 +34,17 @@ name = "floor"
 point = [0.0, 0.0, 0.1]
 normal = [0.0, 0.0, -1.0]
 """
+FACE = 'face = { kind = "disc", center = [0.0, 0.0, 0.1], axis = [0.0, 0.0, 1.0], radius = 0.01 }\n'
+SKEW = (
+    'face = { kind = "rectangle", corner = [0.0, 0.0, 0.1], edges = [[0.01, 0.0, 0.0], [0.01, 0.01, 0.0]] }\n'
+)
+
+
+def through(face: str) -> str:
+    """FLOW through a face in the place of its plane."""
+    return FLOW[: FLOW.index("point")] + face
+
+
 REMOVALS = [
     opened("open side of an unknown name", '{ zlow = "outflow" }', "domain.sides.zlow"),
     opened("open side of an unknown kind", '{ xlo = "open" }', "domain.sides.xlo = 'open'", "outflow"),
@@ -55,6 +66,21 @@ REMOVALS = [
             ("flow outside the domain", HISTORY, FLOW.replace("0.1]", "0.3]"),
                 ("output.flow: floor.point: the domain lies on one side of the plane",)),
             ("flow without direction", HISTORY, FLOW.replace("-1.0", "0.0"), ("output.flow[0].normal", "has no direction")),
+            ("flow through neither plane nor face", HISTORY, FLOW.replace(FLOW[FLOW.index("point"):], ""),
+                ("output.flow[0]", "point: missing; a plane has point and normal, and a face of limited size has face")),
+            ("flow through a plane and a face", HISTORY, FLOW + FACE,
+                ("output.flow[0]", "face: beside point and normal; state a face, or the point and normal of a plane")),
+            ("flow through a face that reaches out", HISTORY, through(FACE.replace("0.01", "0.3")),
+                ("output.flow: floor.face: reaches from (-0.3, -0.3, 0.1) to (0.3, 0.3, 0.1) m, outside the domain",)),
+            ("flow through a face without size", HISTORY, through(FACE.replace(", radius = 0.01", "")),
+                ("output.flow[0].face", "radius: missing [m]")),
+            ("flow through a face of size zero", HISTORY, through(FACE.replace("0.01", "0.0")),
+                ("output.flow[0].face", "radius = 0.0: out of range; allowed: 0 < value [m]")),
+            ("flow through an unknown face", HISTORY, through(FACE.replace('"disc"', '"square"')),
+                ("output.flow[0].face.kind = 'square': unknown", "disc", "rectangle")),
+            ("flow through a skew face", HISTORY, through(SKEW), ("output.flow[0].face", "not at a right angle")),
+            ("flow through a face in the top of the domain", HISTORY, through(FACE.replace("0.1]", "0.2]")),
+                ("output.flow: floor.face: the domain lies on one side of the face",)),
             ("two flows of one name", HISTORY, 2 * FLOW, ("output.flow: name 'floor' given twice",)),
         ]
     ),
@@ -62,6 +88,10 @@ REMOVALS = [
         {"frames_every = 0.01\n": f"frames_every = 0.01\n{HISTORY}{FLOW}".replace("[0.0, 0.0, -1.0]", "[1.0, 0.0, 0.0]"),
          DOMAIN: "periodic = [true, false, false]\n"},
         ("output.flow: floor.normal: x is periodic: both sides of a plane are one",)),
+    Bad("flow through a face across a periodic axis",
+        {"frames_every = 0.01\n": f"frames_every = 0.01\n{HISTORY}{through(FACE)}".replace("axis = [0.0, 0.0, 1.0]", "axis = [1.0, 0.0, 0.0]"),
+         DOMAIN: "periodic = [true, false, false]\n"},
+        ("output.flow: floor.face: x is periodic: both sides of a face are one",)),
     removed("removal without a name", 'name = "bottom"\n', "", "remove[0].name: missing"),
     removed("removal without interval", "every = 0.01\n", "", "remove[0].every: missing [s]"),
     removed("removal at interval zero", "0.01\n", "0.0\n", "remove[0].every = 0.0: out of range; allowed: 0 < value [s]"),

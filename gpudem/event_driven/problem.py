@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from gpudem.errors import SceneError
-from gpudem.scene import Plane, Scene
+from gpudem.scene import Plane, Scene, flow
 from gpudem.scene.walls import Side, Wall
 
 SIDES: tuple[Side, ...] = ("xlo", "xhi", "ylo", "yhi", "zlo", "zhi")
@@ -242,6 +242,10 @@ def _unsupported_features(scene: Scene, guard: float, tangential: float | None) 
         )
     if scene.output.restart_every:
         found.append("output.restart_every: the event-driven engine writes no restart files; leave it out")
+    found += [
+        f"output.flow: {surface.name}.face: the event-driven engine counts what passes whole planes only"
+        for surface in flow.faces(scene)
+    ]
     for wall in scene.wall_elements:
         if not isinstance(wall, Plane):
             found.append(f"walls.{wall.name}.kind = {wall.kind!r}: hard spheres support only planes")

@@ -179,7 +179,9 @@ def of_exit(name: str) -> list[Observable]:
 
 
 def of_flow(plane: FlowPlane) -> list[Observable]:
-    """Columns of a plane of `output.flow`: flow_count_NAME [1], flow_mass_NAME [kg], net since the start."""
+    """Columns of a plane or face of `output.flow`: flow_count_NAME [1] and flow_mass_NAME [kg], net since the
+    start.
+    """
     return [
         Observable(f"flow_count_{plane.name}", "1", lambda view: view.passed(plane)[0], integer=True),
         Observable(f"flow_mass_{plane.name}", "kg", lambda view: view.passed(plane)[1]),

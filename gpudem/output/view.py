@@ -61,6 +61,7 @@ class View:
         removed: Callable[[], dict[str, tuple[int, float]]] = dict,
         departed: Callable[[], tuple[np.ndarray, np.ndarray]] = lambda: NONE_LEFT,
         group_works: Callable[[], dict[str, float]] = dict,
+        crossings: Callable[[], dict[str, np.ndarray]] = dict,
     ):
         """`column(name)` gives one of VECTORS; the other functions the properties of their names."""
         self.scene, self.step = scene, step
@@ -68,7 +69,7 @@ class View:
         self._wall_loads, self._servo_ways = wall_loads, servo_ways
         self._triangle_forces = triangle_forces
         self._rows, self._removed, self._departed = rows, removed, departed
-        self._group_works = group_works
+        self._group_works, self._crossings = group_works, crossings
         self._known: dict[Any, Any] = {}
 
     @classmethod
@@ -93,9 +94,14 @@ class View:
         return self._once("rows", self._rows or (lambda: np.arange(self.scene.count_at(self.step))))
 
     def passed(self, plane: FlowPlane) -> tuple[int, float]:
-        """Net number and mass [kg] of particles that have passed a plane of `output.flow` since the start."""
+        """Net number and mass [kg] of particles that have passed a plane or face of `output.flow` since the
+        start.
+        """
 
         def compute() -> tuple[int, float]:
+            if plane.face is not None:
+                crossed = self._once("crossings", self._crossings)[plane.name]
+                return int(crossed.sum()), float(self.scene.masses @ crossed)
             left, where = self._departed()
             position = np.concatenate([self.numpy("position"), where])
             return flow.passed(self.scene, plane, np.concatenate([self.rows, left]), position)
@@ -272,11 +278,12 @@ class DeviceView(View):
         removed: Callable[[], dict[str, tuple[int, float]]] = dict,
         departed: Callable[[], tuple[np.ndarray, np.ndarray]] = lambda: NONE_LEFT,
         group_works: Callable[[], dict[str, float]] = dict,
+        crossings: Callable[[], dict[str, np.ndarray]] = dict,
     ):
         """`read(name)` gives a Warp array of three-component vectors; `scalars` lasts from view to view."""
         super().__init__(scene, step, lambda name: self.column(name).numpy().astype(np.float64, copy=False),
                          contacts, wall_work, wall_loads, servo_ways, triangle_forces, rows,
-                         removed, departed, group_works)  # fmt: skip
+                         removed, departed, group_works, crossings)  # fmt: skip
         self._read, self._scalars = read, scalars
 
     def column(self, name: str) -> Any:

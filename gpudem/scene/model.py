@@ -233,6 +233,9 @@ class Scene(Model):
         for key in ("wall_forces", "flow", "wall_stress", "group_forces"):
             if not data["output"][key]:
                 del data["output"][key]
+        for surface in data["output"].get("flow", ()):
+            if surface["face"] is None:
+                del surface["face"]
         data["contact"] = {k: v for k, v in data["contact"].items() if (k, v) not in LATER_OF_CONTACT.items()}
         data["insert"] = [_hashed(columns, digest) for columns in self._insertion_columns()]
         if not self.insert:

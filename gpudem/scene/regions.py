@@ -310,6 +310,12 @@ class Face(Region):
         """Unit normal."""
         raise NotImplementedError
 
+    @property
+    def middle(self) -> np.ndarray:
+        """Center [m]."""
+        low, high = self.bounds()
+        return (low + high) / 2
+
     def inner_area(self, radius: float) -> float:
         """Area [m2] in which centers of particles of this radius [m] may lie."""
         raise NotImplementedError

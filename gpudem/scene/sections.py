@@ -18,11 +18,13 @@ from pydantic import (
     Tag,
     ValidationInfo,
     field_validator,
+    model_validator,
 )
 
 from gpudem.output import observables
 from gpudem.scene.distributions import Size
 from gpudem.scene.files import nearest
+from gpudem.scene.regions import FaceSection
 from gpudem.scene.types import (
     Flag,
     Flags,
@@ -260,14 +262,42 @@ ObservableName = Annotated[str, AfterValidator(_observable_name)]
 
 
 class FlowPlane(Model):
-    """A plane across the domain, through which flow is counted; it acts on nothing."""
+    """A plane across the domain, or a face in it, through which flow is counted; it acts on nothing."""
 
     name: Name
     """Name of its columns of the history."""
-    point: Annotated[Vector, vector("m")]
-    """A point of it [m]."""
-    normal: Annotated[Vector, vector("1", nonzero=True)]
+    point: Annotated[Vector, vector("m")] | None = None
+    """A point of the plane [m]."""
+    normal: Annotated[Vector, vector("1", nonzero=True)] | None = None
     """The direction in which flow counts as positive, of any length."""
+    face: FaceSection | None = None
+    """In the place of point and normal: a `disc` or a `rectangle`. A particle passes where the path of its
+    center meets it. Positive is the flow along the axis of a disc, and along the cross product of the first
+    and the second edge of a rectangle."""
+
+    @model_validator(mode="after")
+    def _one_surface(self) -> FlowPlane:
+        plane = [key for key in ("point", "normal") if getattr(self, key) is not None]
+        if self.face is not None and plane:
+            raise ValueError(
+                f"face: beside {' and '.join(plane)}; state a face, or the point and normal of a plane"
+            )
+        if self.face is None and len(plane) < 2:
+            missing = next(key for key in ("point", "normal") if key not in plane)
+            raise ValueError(
+                f"{missing}: missing; a plane has point and normal, and a face of limited size has face"
+            )
+        return self
+
+    @property
+    def origin(self) -> np.ndarray:
+        """A point of it [m]: of a face its center."""
+        return np.array(self.point) if self.face is None else self.face.middle
+
+    @property
+    def direction(self) -> np.ndarray:
+        """Along the flow that counts as positive: the stated normal, or the unit normal of the face."""
+        return np.array(self.normal) if self.face is None else self.face.normal
 
 
 class Output(Model):
@@ -286,8 +316,8 @@ class Output(Model):
     """Names of walls (of a box: of its planes) whose force, torque and work the history has:
     `force_NAME_x` [N], `torque_NAME_x` [N m], ..., `work_NAME` [J]."""
     flow: tuple[FlowPlane, ...] = ()
-    """Planes whose net flow the history has: `flow_count_NAME` [1] and `flow_mass_NAME` [kg] since the start,
-    `flow_rate_NAME` [kg/s] since the row before."""
+    """Planes and faces whose net flow the history has: `flow_count_NAME` [1] and `flow_mass_NAME` [kg]
+    since the start, `flow_rate_NAME` [kg/s] since the row before."""
     wall_stress: tuple[Name, ...] = ()
     """Names of meshes whose frames (`frames/walls_<step>.vtu`) have pressure and shear stress [Pa] of each
     triangle: the force of the particles on it by its area, along its normal and within it."""

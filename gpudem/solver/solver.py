@@ -28,12 +28,13 @@ from gpudem.contact.names import LawNames
 from gpudem.errors import SimulationError
 from gpudem.output.view import WallLoad
 from gpudem.output.vtu import Frame
-from gpudem.scene import Scene, wall_phases
+from gpudem.scene import Scene, flow, wall_phases
 from gpudem.scene.groups import moving
 from gpudem.scene.removal import search_box
 from gpudem.scene.walls import Wall
 from gpudem.solver import guards
 from gpudem.solver.device import compile_kernels, find_device
+from gpudem.solver.flow import FlowCounter
 from gpudem.solver.group_motion import TABLES, GroupMotion
 from gpudem.solver.lanes import LANES, lanes_for
 from gpudem.solver.list_layout import packed, spread
@@ -103,6 +104,7 @@ class Solver:
         self.neighbors.next_step = lambda: self.step_count + 1
         self.neighbors.on_leave = self._let_go
         self.departures = Departures(scene)
+        self._flow = FlowCounter(scene, self.state, self.params, self.pool) if flow.faces(scene) else None
         self.kernel = self.plain_kernel = step_kernel(self.spec, lanes=self.lanes)
         if not self.spec.half_list and (self.device.is_cuda or self.rebuild_in_graph):
             self.plain_kernel = step_kernel(self.spec, True, self.lanes)
@@ -209,6 +211,8 @@ class Solver:
         self._graphs.clear()
         if self._wall_forces is not None:
             self._wall_forces.forget_launch()  # mutate: launch_of_forces
+        if self._flow is not None:
+            self._flow.forget_launches()
 
     # -- the algorithm -------------------------------------------------------------------------------------
 
@@ -228,6 +232,7 @@ class Solver:
         if self.step_count > 0 and self.scene.contact.mesh_contacts == "liggghts":
             self._forget_restated(before, phase)
         self._move_walls(self.step_count, in_set_up=True)
+        self._count_flow(only_sides=True)
         self._rebuild()
         self._launch(SETUP | (WRITE if write else 0))
         self._needs_rebuild = bool(self._read_rebuild_flags()[1])
@@ -396,6 +401,15 @@ class Solver:
         self.neighbors.forget_launches()
         self._invalidate_launches()
 
+    def _count_flow(self, launch: int = 0, only_sides: bool = False) -> None:
+        """Crossings of the faces of `output.flow`, if there are any, in the step of a launch."""
+        if self._flow is not None:
+            self._flow.count(launch, only_sides)
+
+    def crossings(self) -> dict[str, np.ndarray]:
+        """Net crossings of each face of `output.flow` since the start by row of the scene, (n,), by name."""
+        return self._flow.crossings() if self._flow is not None else {}
+
     def _launch_chunk(self, steps: int) -> int:
         """Launch steps without a look by the host between them; returns how many were done.
 
@@ -445,6 +459,8 @@ class Solver:
 
     def _rebuild(self, wait: bool = True) -> None:
         """`wait`: the host looks at what was found before anything else is launched."""
+        if self.scene.exits:  # who leaves now may have crossed a face in its last step
+            self._count_flow()  # mutate: flow_before_leaving
         if wait:
             self.neighbors.rebuild()
         else:
@@ -455,6 +471,8 @@ class Solver:
     def _launch(self, mode: int, launch: int = 0) -> None:
         """The step kernel from `now` to `next`; recorded once for each mode, place and direction."""
         key = (id(self.state.now), self.state.side, mode, launch)
+        if not mode & SETUP:
+            self._count_flow(launch)
         if key not in self._launches:
             state = self.state
             if mode & WRITE:
@@ -494,6 +512,8 @@ class Solver:
         stored["counts"] = np.array([*done, self.spec.half_list, *order], np.int64)
         if self.scene.exits:
             stored |= self.departures.saved()
+        if self._flow is not None:
+            stored |= self._flow.saved()
         if self._motion:
             stored["list_step"] = np.array(self._motion.list_step, np.int64)
         return stored
@@ -506,6 +526,7 @@ class Solver:
         state, counts = self.state, [int(v) for v in saved["counts"]]
         extra = ["list_step"] * bool(self._motion) + ["servo"] * bool(self._motion.servos)
         extra += [*self.departures.saved()] * bool(self.scene.exits)
+        extra += [*self._flow.saved()] if self._flow is not None else []
         names = {"now", "counts", *self._stored_arrays(), *extra}
         same = names == set(saved) and state.now.numpy().dtype == saved["now"].dtype
         if not same or counts[3] != self.spec.half_list:
@@ -513,6 +534,8 @@ class Solver:
         self.params.block, self.params.axes = counts[4], wp.vec3i(*counts[5:])  # mutate: restart_order
         if self.scene.exits:
             self.departures.load(saved)
+        if self._flow is not None:
+            self._flow.load(saved)
         # mutate: present_at_restart
         self._set_present(self.scene.count_at(counts[0]) - len(self.departures))
         state.now.assign(saved["now"])

@@ -101,6 +101,7 @@ def render(scene: Scene, ranks: int = 1) -> Deck:
         "triangles_in_list": TRIANGLES_IN_LIST,
         "boundary": " ".join("p" if p else "f" for p in scene.domain.periodic),
         "watched": removal.watched(scene), "beyond": removal.beyond(scene), "planes": flow.formulas(scene),
+        "crossings": flow.crossings(scene), "steps_back": flow.steps_back(scene),
         "checked_every": removal.checked_every(thermo_stride(scene)),
         "soft": any(m.young < SOFT for m in scene.materials.values()),
         "properties": properties(scene), "model": model(scene), "switches": switches(scene),

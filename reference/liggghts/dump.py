@@ -15,7 +15,7 @@ from gpudem.output.run import HISTORY_COLUMNS, TRACE_COLUMNS
 from gpudem.output.vtu import Frame, FrameError, read_vtu
 from gpudem.scene import Scene
 from reference.liggghts import flow, groups, removal, wall_loads
-from reference.liggghts.deck import RAW, history_columns
+from reference.liggghts.deck import RAW, history_columns, thermo_stride
 from reference.liggghts.errors import LiggghtsOutputError
 
 if TYPE_CHECKING:
@@ -180,8 +180,11 @@ def history(scene: Scene, blocks: list[list[str]], raw: Path) -> pandas.DataFram
     rows = np.concatenate(parts)
     _, first = np.unique(rows[:, 0], return_index=True)
     rows = rows[first]
-    rows = rows[rows[:, 0] % stride == 0]
+    rows = rows[rows[:, 0] % thermo_stride(scene) == 0]  # without the ends of runs
     column = dict(zip([*names, "contacts"], rows.T, strict=True))
+    column |= flow.summed(scene, column, thermo_stride(scene))
+    wanted = column["step"] % stride == 0
+    column = {name: values[wanted] for name, values in column.items()}
     column["step"] = column["step"].astype(np.int64)
     if not np.array_equal(column["step"], np.arange(0, scene.n_steps + 1, stride)):
         raise LiggghtsOutputError(f"thermo rows do not cover every {stride} steps to {scene.n_steps}")
@@ -201,7 +204,7 @@ def history(scene: Scene, blocks: list[list[str]], raw: Path) -> pandas.DataFram
     gravity = scene.gravity_at(column["step"])
     column["potential_energy"] = -mass * np.sum(np.nan_to_num(centre) * gravity, axis=1)
     column["contacts"] = column["contacts"].round().astype(np.int64)
-    column.setdefault("rotational_energy", np.zeros(len(rows)))
+    column.setdefault("rotational_energy", np.zeros(len(column["step"])))
     if scene.meshes and "mesh_contacts" not in names:
         del column["contacts"]
     kept = [*HISTORY_COLUMNS, *({"particles"} & set(scene.output.history or ()))]

@@ -63,7 +63,6 @@ def warnings(scene: Scene) -> list[str]:
         *wall_loads.warnings(scene),
         *groups.warnings(scene),
         *removal.warnings(scene),
-        *flow.warnings(scene),
     ]
     contact = scene.contact
     at_setup = scene.needs.history and contact.tangential_damping and not contact.frictionless_dashpot
@@ -103,6 +102,7 @@ def check(scene: Scene, ranks: int = 1) -> None:
         *_laws(scene),
         *_insertions(scene, ranks),
         *removal.problems(scene),
+        *flow.problems(scene),
         *_groups(scene),
     ]
     for wall in (wall for at in scene.phase_scenes for wall in at.wall_elements):

@@ -198,8 +198,12 @@ def test_a_lost_particle_is_an_error():
 
 
 OBLIQUE = Plane(name="slope", material="wall", point=(0, 0, -1), normal=(0.1, 0, 1))
+DISC = {"name": "disc", "face": {"kind": "disc", "center": (0, 0, 0), "axis": (0, 0, 1), "radius": 0.1}}
 REFUSED = {
     "an oblique wall": ({"walls": [OBLIQUE]}, {}, r"walls\.slope\.normal"),
+    "flow through a face": (
+        {"output": Output(history_every=0.1, flow=[DISC])}, {}, r"output\.flow: disc\.face",
+    ),
     "restart files": ({"output": Output(restart_every=0.1)}, {}, r"output\.restart_every"),
     "a vibration too fast for the clock": (
         {"walls": scenes.floored(1.0, 1e-12)}, {}, r"walls\.floor\.vibration.*amplitude = 0 is that limit",

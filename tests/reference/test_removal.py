@@ -10,6 +10,7 @@ from gpudem.scene import Scene
 from reference import liggghts as code
 from reference.liggghts.deck import render
 from reference.liggghts.errors import LiggghtsCannotState, LiggghtsFailed
+from tests.gpudem.test_flow_faces import slits
 from tests.reference.test_insertion import pouring
 
 #: Of a diameter, after some thousand steps with contacts.
@@ -20,6 +21,15 @@ PLANES = [
     {"name": "gate", "point": (0.02, 0, 0), "normal": (-2, 0, 0)},
     {"name": "middle", "point": (0.06, 0, 0), "normal": (1, 0, 0)},
 ]
+#: A disc, two rectangles of which one is tilted, and one below the balls that come, at a periodic side.
+FACES = [
+    {"name": name, "face": face} for name, face in {
+        "hole": {"kind": "disc", "center": (0.03, 0.05, 0.014), "axis": (-2, 0, 0), "radius": 0.012},
+        "slit": {"kind": "rectangle", "corner": (0.03, 0.02, 0.0), "edges": [(0, 0.05, 0), (0, 0, 0.012)]},
+        "tilted": {"kind": "rectangle", "corner": (0, 0.02, 0.01), "edges": [(0, 0.06, 0), (0.06, 0, 0.04)]},
+        "edge": {"kind": "rectangle", "corner": (0, 0, 0.14), "edges": [(0, 0.08, 0), (0.1, 0, 0)]},
+    }.items()
+]  # fmt: skip
 
 
 def running_out(periodic: bool = False, open_sides: tuple[str, ...] = ("xlo",), **changes) -> Scene:
@@ -40,7 +50,7 @@ def running_out(periodic: bool = False, open_sides: tuple[str, ...] = ("xlo",), 
             "trace_every": STEP,
             "history_every": STEP,
             "frames_every": 0.01,
-            "flow": PLANES,
+            "flow": [*PLANES, *FACES],
             "history": ["particles", "kinetic_energy", "potential_energy", "contacts", "centre_x"],
         },
     }
@@ -67,6 +77,11 @@ def test_agrees_with_binary(options, tmp_path, liggghts):
     assert run.history.removed_xlo.iloc[-1] == gone.sum()
     assert run.history.flow_count_gate.iloc[-1] > 3
     assert run.history.flow_count_middle.iloc[-1] < -3
+    crossings = {
+        face["name"]: (np.diff(run.history[f"flow_count_{face['name']}"]) != 0).sum() for face in FACES
+    }
+    assert min(crossings[name] for name in ("hole", "slit", "tilted")) > 0
+    assert sum(crossings.values()) > 5
     for name in ours.history.columns:
         scale = np.nanmax(np.abs(ours.history[name]))
         assert np.nanmax(np.abs(run.history[name] - ours.history[name])) <= 1e-9 * scale, name
@@ -137,9 +152,58 @@ def test_what_is_refused():
 
 @pytest.mark.liggghts
 def test_several_open_sides(tmp_path, liggghts):
-    """Detects: columns of one side with what left through another."""
-    run = code.run(running_out(open_sides=("xlo", "xhi")), tmp_path)
+    """Detects: columns of one side with what left through another, flow without what left on either side."""
+    scene = running_out(open_sides=("xlo", "xhi"))
+    run, ours = code.run(scene, tmp_path), simulate(scene).history
     assert run.history is not None
-    assert not [name for name in run.history if name.startswith(("removed", "removal", "flow"))]
-    assert any("flow_*_gate are left out" in warning for warning in run.warnings)
+    assert ours is not None
+    assert not [name for name in run.history if name.startswith(("removed", "removal"))]
     assert any("removed_* and removed_mass_* are left out" in warning for warning in run.warnings)
+    flows = [name for name in ours if name.startswith("flow_")]
+    assert len(flows) == 3 * len([*PLANES, *FACES])
+    for name in flows:
+        assert np.abs(run.history[name] - ours[name]).max() <= 1e-9 * np.abs(ours[name]).max(), name
+
+
+@pytest.mark.liggghts
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_flow_at_intervals(tmp_path, liggghts, ranks):
+    """Thermo lines between the rows of the history, and a run that ends between two of them.
+
+    Detects: crossings of the steps between two lines left out or counted twice.
+    """
+    x, y = np.meshgrid(np.linspace(0.04, 0.09, 5), np.linspace(0.01, 0.09, 6))
+    place = np.stack([x.ravel(), y.ravel(), 0.008 + 0.1 * y.ravel()], axis=1)
+    start = {"source": "explicit", "position": place, "radius": 0.0055, "material": "ball"}
+    output = {"history_every": 130 * STEP, "history": ["particles"], "flow": [*PLANES, *FACES]}
+    walls = running_out().model_dump()["walls"]
+    walls[1]["removed_at"] = (
+        0.0185  # a ball passes `hole` in step 1826, and lines are written at 1846 and 1872
+    )
+    scene = running_out(particles=start, insert=[], output=output, walls=walls)
+    run, ours = code.run(scene, tmp_path, ranks=ranks), simulate(scene).history
+    assert run.history is not None
+    assert ours is not None
+    for name in [name for name in ours if name.startswith("flow_count")]:
+        assert run.history[name].equals(ours[name]), name
+    assert np.abs(ours.flow_count_slit).max() + np.abs(ours.flow_count_hole).max() > 0
+
+
+@pytest.mark.liggghts
+def test_the_place_of_a_crossing(tmp_path, liggghts):
+    """Detects: the place before or after the step taken for that of the crossing, images forgotten."""
+    scene = slits()
+    run, ours = code.run(scene, tmp_path), simulate(scene).history
+    assert run.history is not None
+    assert ours is not None
+    for name in ("slit", "beyond"):
+        assert run.history[f"flow_mass_{name}"].to_numpy() == pytest.approx(
+            ours[f"flow_mass_{name}"], rel=1e-12
+        )
+
+
+def test_names_of_a_deck():
+    """Detects: a variable of one plane taken for that of another."""
+    planes = [{**PLANES[0], "name": "in"}, {**PLANES[1], "name": "mass_in"}]
+    with pytest.raises(LiggghtsCannotState, match=r"output\.flow: mass_in: .* variable of this name for in"):
+        render(running_out(output={"history_every": STEP, "flow": planes}))
