@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from gpudem.driver import simulate
 from gpudem.scene import Scene
 from reference import liggghts as code
-from reference.liggghts.deck import render
+from reference.liggghts.deck import Deck, render
 from reference.liggghts.errors import LiggghtsCannotState, LiggghtsFailed
 from tests.gpudem.test_flow_faces import slits
 from tests.reference.test_insertion import pouring
@@ -200,6 +202,51 @@ def test_the_place_of_a_crossing(tmp_path, liggghts):
         assert run.history[f"flow_mass_{name}"].to_numpy() == pytest.approx(
             ours[f"flow_mass_{name}"], rel=1e-12
         )
+
+
+@pytest.mark.liggghts
+def test_against_massflow_mesh(tmp_path, liggghts, monkeypatch):
+    """The binary's own count through a rectangle, one fix for each direction.
+
+    Detects: formulas of a deck whose crossings are not those of the binary.
+    """
+    scene, names = running_out(), ("slit", "edge")
+    faces = [surface.face for surface in scene.output.flow if surface.name in names]
+
+    def with_meshes(*args) -> Deck:
+        deck, lines, files = render(*args), [], {}
+        for name, face in zip(names, faces, strict=True):
+            files[f"{name}.stl"] = stl_of(face)
+            lines.append(f"fix plane_{name} all mesh/surface/planar file {name}.stl type 1")
+            for way, sign in (("forth", 1), ("back", -1)):
+                side = " ".join(str(c) for c in sign * face.normal)
+                lines.append(
+                    f"fix {way}_{name} all massflow/mesh mesh plane_{name} count multiple vec_side {side}"
+                )
+                lines.append(f"variable {way}_{name} equal f_{way}_{name}[2]")
+        found = " ".join(f"${{{way}_{name}}}" for name in names for way in ("forth", "back"))
+        lines.append(f'fix tell all print 1 "{found}" file massflow.txt screen no title ""')
+        text = deck.text.replace("\nthermo_style", "\n" + "\n".join([*lines, "thermo_style"]))
+        return dataclasses.replace(deck, text=text, meshes=files)
+
+    monkeypatch.setattr("reference.liggghts.render", with_meshes)
+    run = code.run(scene, tmp_path, use_recorded=False)
+    assert run.history is not None
+    told = np.loadtxt(tmp_path / "massflow.txt")
+    for k, name in enumerate(names):
+        net = told[:, 2 * k] - told[:, 2 * k + 1]
+        assert np.array_equal(net, run.history[f"flow_count_{name}"].to_numpy()[-len(net) :]), name
+        assert net.any()
+
+
+def stl_of(face) -> str:
+    """A rectangle as two triangles."""
+    a, (u, v) = np.array(face.corner), map(np.array, face.edges)
+    facets = []
+    for corners in ((a, a + u, a + u + v), (a, a + u + v, a + v)):
+        lines = ["vertex " + " ".join(f"{c:.17g}" for c in corner) for corner in corners]
+        facets.append("\n".join(["facet normal 0 0 0", "outer loop", *lines, "endloop", "endfacet"]))
+    return "\n".join(["solid face", *facets, "endsolid face", ""])
 
 
 def test_names_of_a_deck():
