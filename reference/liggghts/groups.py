@@ -72,11 +72,14 @@ class GroupLoad:
     """Components of the force on one particle, with weight [N]."""
     moments: tuple[str, ...]
     """Components of the torque of one particle about the reference [N m], as formulas."""
+    weights: tuple[str, ...] = ()
+    """Where members may leave: mass [kg] of one particle, and its first moments about the reference [kg m]."""
 
     @property
     def columns(self) -> list[str]:
-        """Words of a thermo line: force and torque with weight [N, N m]."""
-        return [f"c_load_group_{self.name}[{k}]" for k in range(1, 7)]
+        """Words of a thermo line: force and torque with weight [N, N m], and the sums of `weights`."""
+        loads = [f"c_load_group_{self.name}[{k}]" for k in range(1, 7)]
+        return loads + [f"c_weight_group_{self.name}[{k + 1}]" for k in range(len(self.weights))]
 
     @property
     def words(self) -> str:
@@ -96,7 +99,9 @@ def loads(scene: Scene) -> list[GroupLoad]:
                  for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1)))]  # fmt: skip
         moments = tuple(f"{a}*{b}-{c}*{d}+{own}" for a, b, c, d, own in turns)
         if group.name in scene.output.group_forces:
-            found.append(GroupLoad(group.name, tuple(force), moments))
+            leaves = bool(group.motion and scene.exits)
+            weights = ("mass", *(f"mass*{along}" for along in lever)) if leaves else ()
+            found.append(GroupLoad(group.name, tuple(force), moments, weights))
     return found
 
 
@@ -152,7 +157,14 @@ def _in_order(scene: Scene) -> list[Group]:
 
 
 def _of_contacts(scene: Scene, group: Group, steps: np.ndarray, table: np.ndarray) -> np.ndarray:
-    """Force and torque about the reference, (k, 6), of the contacts alone, in these steps [N, N m]."""
+    """Force and torque about the reference, (k, 6), of the contacts alone, in these steps [N, N m].
+
+    table: (k, 6), or (k, 10) with the mass of the members that are there and its moments.
+    """
+    if table.shape[1] > 6:
+        gravity = scene.gravity_at(steps)
+        weight = table[:, 6:7] * gravity  # mutate: weight_of_members_there
+        return table[:, :6] - np.concatenate([weight, np.cross(table[:, 7:], gravity)], axis=1)
     rows, gravity = group.rows(scene), scene.gravity_at(steps)
     mass, place = scene.masses[rows].sum(), scene.masses[rows] @ scene.state.position[rows]
     moment = np.tile(place, (len(gravity), 1))
