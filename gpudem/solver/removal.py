@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from gpudem.scene import Scene
+from gpudem.scene.groups import FREE
 from gpudem.scene.removal import AGE, BLOCK, PLANE, SPHERE
 from gpudem.solver.body import body_reader, body_struct
 from gpudem.solver.device import compile_kernels
@@ -168,11 +169,12 @@ class Departures:
 
     def _energies(self, rows: np.ndarray, step: int, bodies: Any) -> np.ndarray:
         """Kinetic and potential energy [J] of particles that leave: at full-step velocities, were gravity the
-        only force.
+        only force on those that no group holds.
         """
         scene, mass = self.scene, self.scene.masses[rows]
         gravity = scene.gravity_at(np.array([step]))[0]
-        v = bodies["velocity"] + gravity * scene.time.step / 2
+        free = (scene.held[rows] == FREE)[:, None]
+        v = bodies["velocity"] + np.where(free, gravity * scene.time.step / 2, 0.0)  # mutate: kick_of_leaving
         kinetic = mass * (v**2).sum(axis=1)
         if "angular_velocity" in (bodies.dtype.names or ()):
             inertia = 0.4 * mass * scene.state.radius[rows] ** 2

@@ -3,6 +3,7 @@
 from typing import Any
 
 from gpudem.scene import Scene
+from tests.gpudem.beds import MATERIALS, PAIRS
 from tests.gpudem.insertions import filling
 
 SIDES = ["xlo", "ylo", "yhi", "zlo", "zhi"]
@@ -18,3 +19,23 @@ def draining(count: int = 600, **changes: Any) -> Scene:
     ]  # fmt: skip
     domain = {"lo": (-0.001, -0.001, -0.001), "hi": (0.101, 0.051, 0.401), "sides": {"xhi": "outflow"}}
     return filling(count, **{"walls": walls, "domain": domain, "gravity": (20.0, 0, -9.0), **changes})
+
+
+def conveyor(**changes: Any) -> Scene:
+    """Three balls of a group move out through xhi, one after the other; a free ball falls on them and is carried
+    out, another one falls beside them.
+    """
+    data: dict[str, Any] = {
+        "name": "conveyor", "materials": {"ball": MATERIALS["ball"]}, "pairs": [{**PAIRS[0], "friction": 0.5}],
+        "particles": {"source": "explicit", "material": "ball", "radius": 0.01,
+                      "position": [(0.269, 0, 0), (0.25, 0, 0), (0.231, 0, 0), (0.24, 0, 0.0185), (0.1, 0, 0.1)],
+                      "velocity": [(0, 0, 0)] * 3 + [(1.0, 0, 0), (0, 0, 0)]},
+        "groups": [{"name": "belt", "ids": [1, 2, 3], "reference": (0.1, 0, 0.05),
+                    "motion": [{"type": "linear", "velocity": (1.0, 0, -0.1)}]}],
+        "gravity": (0, 0, -9.81),
+        "domain": {"lo": (-0.5, -0.5, -0.5), "hi": (0.3, 0.5, 0.5), "sides": {"xhi": "outflow"}},
+        "time": {"step": 2e-5, "duration": 0.08},
+        "output": {"trace_every": 2e-5, "history_every": 2e-5, "group_forces": ["belt"],
+                   "history": ["particles", "kinetic_energy", "potential_energy"]},
+    }  # fmt: skip
+    return Scene(**{**data, **changes})

@@ -14,7 +14,7 @@ from gpudem.scene import Scene
 from gpudem.solver import guards
 from gpudem.solver.solver import Solver
 from tests.gpudem.beds import MATERIALS, PAIRS, finish, gas, same
-from tests.gpudem.removals import draining
+from tests.gpudem.removals import conveyor, draining
 from tests.gpudem.test_insertion import falling
 from tests.gpudem.test_restart import stopped_and_resumed
 
@@ -176,6 +176,36 @@ def test_energy_that_leaves():
     assert not any("energy" in warning for warning in found.warnings)
     (warning,) = guards.energy_warnings(scene, found.history, 0.0)
     assert warning.startswith("energy grew")
+
+
+def test_members_of_a_moving_group():
+    """They leave and are counted like every other particle; what is stated of the group is of those that stay.
+
+    Detects: a member that stays for ever or leaves at another rebuild, weight or force of one that has left,
+    an energy that leaves of a velocity that gravity has changed.
+    """
+    scene = conveyor()
+    found = run(scene, threads=1)
+    assert found.trace is not None
+    assert found.history is not None
+    x, belt = found.trace["position"], scene.groups[0].rows(scene)
+    there = np.isfinite(x[..., 0])
+    assert not there[-1, :4].any()
+    assert there[-1, 4]
+    for row in belt:
+        last = int(np.flatnonzero(there[:, row])[-1])
+        assert 0.3 < x[last, row, 0] + scene.time.step < 0.3 + scene.skin / 2 + 2 * scene.time.step
+    assert found.history.removed_xhi.eq(5 - there.sum(axis=1)).all()
+    pull = found.trace["force"][:, belt] - scene.masses[belt, None] * np.array(scene.gravity)
+    pushed = np.nansum(pull, axis=1)
+    assert np.abs(found.history[[f"force_belt_{a}" for a in "xyz"]] - pushed).max(axis=None) < 1e-12
+    assert np.abs(pushed[~there[:, 0]]).max() > 0.1, "forces on the others after the first member has left"
+    with Simulation(scene, threads=1) as sim:
+        sim.step(scene.n_steps)
+        left = sim._solver.departures
+        at = x[left.step[belt] - 1, belt] + scene.time.step * np.array((1.0, 0, -0.1))
+        energy = scene.masses[belt] * ((1 + 0.01) / 2 + 9.81 * at[:, 2])
+        assert left.energy[belt] == pytest.approx(energy, rel=1e-12)
 
 
 def test_a_closed_side_is_still_an_error():

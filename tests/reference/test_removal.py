@@ -12,6 +12,7 @@ from gpudem.scene import Scene
 from reference import liggghts as code
 from reference.liggghts.deck import Deck, render
 from reference.liggghts.errors import LiggghtsCannotState, LiggghtsFailed
+from tests.gpudem.removals import conveyor
 from tests.gpudem.test_flow_faces import slits
 from tests.reference.test_insertion import pouring
 
@@ -202,6 +203,24 @@ def test_the_place_of_a_crossing(tmp_path, liggghts):
         assert run.history[f"flow_mass_{name}"].to_numpy() == pytest.approx(
             ours[f"flow_mass_{name}"], rel=1e-12
         )
+
+
+@pytest.mark.liggghts
+def test_members_of_a_moving_group(tmp_path, liggghts):
+    """Detects: members that leave in another step or stay; forces on a group with the weight of who has left."""
+    scene = conveyor()
+    run, ours = code.run(scene, tmp_path), simulate(scene)
+    assert run.trace is not None
+    assert ours.trace is not None
+    assert np.array_equal(np.isnan(run.trace["position"]), np.isnan(ours.trace["position"])), "in every step"
+    assert np.nanmax(np.abs(run.trace["position"] - ours.trace["position"])) < TOLERANCE * 0.01
+    assert run.history is not None
+    assert ours.history is not None
+    assert list(run.history) == list(ours.history)
+    assert ours.history.removed_xhi.iloc[-1] == 4
+    for name in ours.history.columns:
+        scale = np.abs(ours.history[name]).max()
+        assert np.abs(run.history[name] - ours.history[name]).max() <= 1e-9 * scale, name
 
 
 @pytest.mark.liggghts
