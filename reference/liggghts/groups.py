@@ -73,7 +73,7 @@ class GroupLoad:
     moments: tuple[str, ...]
     """Components of the torque of one particle about the reference [N m], as formulas."""
     weights: tuple[str, ...] = ()
-    """Where members may leave: mass [kg] of one particle, and its first moments about the reference [kg m]."""
+    """Where members may leave: mass of one particle [kg], and its moments about the reference [kg m]."""
 
     @property
     def columns(self) -> list[str]:

@@ -13,7 +13,8 @@ from gpudem.contact import registry
 from gpudem.errors import SceneError, SimulationError
 from gpudem.event_driven.engine import EVENTS_PER_LAUNCH, Engine
 from gpudem.event_driven.problem import HardSphereProblem
-from gpudem.scene import Contact, Output, Pair, Plane
+from gpudem.scene import Contact, FlowPlane, Output, Pair, Plane
+from gpudem.scene.regions import Disc
 from gpudem.scene.walls import Wall
 from gpudem.walls import registry as walls
 from tests.event_driven import scenes
@@ -198,11 +199,12 @@ def test_a_lost_particle_is_an_error():
 
 
 OBLIQUE = Plane(name="slope", material="wall", point=(0, 0, -1), normal=(0.1, 0, 1))
-DISC = {"name": "disc", "face": {"kind": "disc", "center": (0, 0, 0), "axis": (0, 0, 1), "radius": 0.1}}
+DISC = Disc(kind="disc", center=(0, 0, 0), axis=(0, 0, 1), radius=0.1)
 REFUSED = {
     "an oblique wall": ({"walls": [OBLIQUE]}, {}, r"walls\.slope\.normal"),
     "flow through a face": (
-        {"output": Output(history_every=0.1, flow=[DISC])}, {}, r"output\.flow: disc\.face",
+        {"output": Output(history_every=0.1, flow=(FlowPlane(name="disc", face=DISC),))}, {},
+        r"output\.flow: disc\.face",
     ),
     "restart files": ({"output": Output(restart_every=0.1)}, {}, r"output\.restart_every"),
     "a vibration too fast for the clock": (

@@ -22,13 +22,15 @@ def draining(count: int = 600, **changes: Any) -> Scene:
 
 
 def conveyor(**changes: Any) -> Scene:
-    """Three balls of a group move out through xhi, one after the other; a free ball falls on them and is carried
-    out, another one falls beside them.
+    """Three balls of a group move out through xhi one after the other; of two free ones the first falls on
+    them and is carried out, the second falls beside them.
     """
     data: dict[str, Any] = {
-        "name": "conveyor", "materials": {"ball": MATERIALS["ball"]}, "pairs": [{**PAIRS[0], "friction": 0.5}],
+        "name": "conveyor", "materials": {"ball": MATERIALS["ball"]},
+        "pairs": [{**PAIRS[0], "friction": 0.5}],
         "particles": {"source": "explicit", "material": "ball", "radius": 0.01,
-                      "position": [(0.269, 0, 0), (0.25, 0, 0), (0.231, 0, 0), (0.24, 0, 0.0185), (0.1, 0, 0.1)],
+                      "position": [(0.269, 0, 0), (0.25, 0, 0), (0.231, 0, 0), (0.24, 0, 0.0185),
+                                   (0.1, 0, 0.1)],
                       "velocity": [(0, 0, 0)] * 3 + [(1.0, 0, 0), (0, 0, 0)]},
         "groups": [{"name": "belt", "ids": [1, 2, 3], "reference": (0.1, 0, 0.05),
                     "motion": [{"type": "linear", "velocity": (1.0, 0, -0.1)}]}],

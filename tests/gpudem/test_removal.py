@@ -179,7 +179,7 @@ def test_energy_that_leaves():
 
 
 def test_members_of_a_moving_group():
-    """They leave and are counted like every other particle; what is stated of the group is of those that stay.
+    """They leave and are counted like every other; what is stated of the group is of those that are there.
 
     Detects: a member that stays for ever or leaves at another rebuild, weight or force of one that has left,
     an energy that leaves of a velocity that gravity has changed.

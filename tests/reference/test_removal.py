@@ -207,7 +207,7 @@ def test_the_place_of_a_crossing(tmp_path, liggghts):
 
 @pytest.mark.liggghts
 def test_members_of_a_moving_group(tmp_path, liggghts):
-    """Detects: members that leave in another step or stay; forces on a group with the weight of who has left."""
+    """Detects: members that leave in another step or stay; forces with the weight of those that have left."""
     scene = conveyor()
     run, ours = code.run(scene, tmp_path), simulate(scene)
     assert run.trace is not None
