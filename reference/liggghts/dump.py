@@ -177,17 +177,7 @@ def history(scene: Scene, blocks: list[list[str]], raw: Path) -> pandas.DataFram
         walls = sum(table[:, names.index(name)] for name in counted)
         # LIGGGHTS counts a contact of two particles at both
         parts.append(np.column_stack([table, table[:, names.index("touches")] / 2 + walls]))
-    rows = np.concatenate(parts)
-    _, first = np.unique(rows[:, 0], return_index=True)
-    rows = rows[first]
-    rows = rows[rows[:, 0] % thermo_stride(scene) == 0]  # without the ends of runs
-    column = dict(zip([*names, "contacts"], rows.T, strict=True))
-    column |= flow.summed(scene, column, thermo_stride(scene))
-    wanted = column["step"] % stride == 0
-    column = {name: values[wanted] for name, values in column.items()}
-    column["step"] = column["step"].astype(np.int64)
-    if not np.array_equal(column["step"], np.arange(0, scene.n_steps + 1, stride)):
-        raise LiggghtsOutputError(f"thermo rows do not cover every {stride} steps to {scene.n_steps}")
+    column = _at_rows_of_history(scene, [*names, "contacts"], np.concatenate(parts))
     centre = np.stack([column[f"centre_{a}"] for a in "xyz"], axis=1)
     column["time"] = column["step"] * scene.time.step
     mass = _mass(scene, column["step"])
@@ -212,6 +202,26 @@ def history(scene: Scene, blocks: list[list[str]], raw: Path) -> pandas.DataFram
     found = usual | wall_loads.history(scene, raw, column) | groups.history(scene, raw, column)
     found |= {name: column[name] for name in column if name.startswith("removed_")}  # gpudem's order
     return observables.with_rates(pandas.DataFrame(found | flow.history(scene, column)), scene)
+
+
+def _at_rows_of_history(scene: Scene, names: list[str], rows: np.ndarray) -> dict[str, np.ndarray]:
+    """Columns by name of the thermo lines that are rows of the history, crossings as sums since the start.
+
+    Raises LiggghtsOutputError where lines are missing.
+    """
+    stride, between = scene.stride(scene.output.history_every), thermo_stride(scene)
+    assert stride is not None
+    _, first = np.unique(rows[:, 0], return_index=True)
+    rows = rows[first]
+    rows = rows[rows[:, 0] % between == 0]  # without the ends of runs
+    column = dict(zip(names, rows.T, strict=True))
+    column |= flow.summed(scene, column, between)
+    wanted = column["step"] % stride == 0
+    column = {name: values[wanted] for name, values in column.items()}
+    column["step"] = column["step"].astype(np.int64)
+    if not np.array_equal(column["step"], np.arange(0, scene.n_steps + 1, stride)):
+        raise LiggghtsOutputError(f"thermo rows do not cover every {stride} steps to {scene.n_steps}")
+    return column
 
 
 def mean_count(scene: Scene, blocks: list[list[str]]) -> int:
