@@ -44,6 +44,13 @@ INSERTIONS: list[dict[str, Any]] = [
 ]  # fmt: skip
 #: When a wall is there [s].
 PRESENT = [[0, 0.008], [0.004], [0.003, 0.009]]
+#: `[[remove]]`: which of them a scene has is drawn.
+REMOVALS: list[dict[str, Any]] = [
+    {"name": "low", "every": 5e-5,
+     "region": {"kind": "block", "lo": (0.03, 0.03, 0), "hi": (0.05, 0.06, 0.03)}},
+    {"name": "up", "every": 1e-4, "point": (0, 0, 0.1), "normal": (0, 0, 1)},
+    {"name": "old", "every": 2e-4, "age": 0.008},
+]  # fmt: skip
 
 
 class Draw:
@@ -100,6 +107,50 @@ def random_scene(number: int, **changes: Any) -> Scene:
         if contact["tangential"] != "off":
             data["phases"][0]["pairs"] = [{"materials": ("a", "w"), "friction": 0.5}]
     return Scene(**{**data, **changes})
+
+
+def richer_scene(number: int, removes: bool = False) -> Scene:
+    """The scene of a number with more: laws of single walls, a second source, walls that change in a phase,
+    forces on walls and groups, a flow; `removes`: a cone and removal too, which LIGGGHTS does not know.
+    """
+    draw, base = Draw(10_000 + number), random_scene(number)
+    data = base.model_dump()
+    walls, output = list(data["walls"]), dict(data["output"])
+    for wall in walls:
+        off = [slot for slot in ("rolling", "cohesion") if data["contact"][slot] != "off" and draw.yes(0.3)]
+        if off and wall["kind"] != "mesh":
+            wall["contact"] = dict.fromkeys(off, "off")
+    if draw.yes(0.3):
+        data["insert"] = [INSERTIONS[0], {**INSERTIONS[2], "start": 0.012}]
+    closed = not any(base.domain.periodic) and not base.domain.sides
+    changes = [change for wall in walls[1:] if len(change := _change(draw, wall, closed)) > 1]
+    if changes and not (base.contact.limit_force and base.contact.tangential_reduce):
+        first = data["phases"][0] if data["phases"] else {"start": draw.between(0.002, 0.02)}
+        data["phases"] = [{**first, "walls": changes}]
+    if draw.yes():
+        output["wall_forces"] = tuple(wall.name for wall in base.wall_elements)
+    if draw.yes(0.4):
+        output["flow"] = [{"name": "middle", "point": (0, 0, 0.04), "normal": (0, 0, -1)}]
+    if data["groups"] and draw.yes():
+        output["group_forces"] = ("held",)
+    if removes:
+        if closed and draw.yes(0.4):
+            walls.append({"kind": "cone", "name": "cone", "material": "w", "point": (0.05, 0.05, 0),
+                          "axis": (0, 0, 1), "length": 0.2, "radius": 0.062, "end_radius": 0.07})  # fmt: skip
+        data["remove"] = [rule for rule in REMOVALS if draw.yes() and (data["insert"] or "age" not in rule)]
+    return Scene(**{**data, "name": f"richer_{number}", "walls": walls, "output": output})
+
+
+def _change(draw: Draw, wall: dict[str, Any], closed: bool) -> dict[str, Any]:
+    """What a phase changes of a wall, beside its name perhaps nothing."""
+    found = {"name": wall["name"]}
+    if wall["kind"] == "mesh" and closed and draw.yes():
+        found["motion"] = draw.of([draw.of(*MOTIONS)], MOTIONS[2:4], [] if wall["motion"] else MOTIONS[:1])
+    if wall["surface_velocity"] and draw.yes(0.6):
+        found["surface_velocity"] = draw.of((0, 0, 0), (0, 0.4, 0))
+    if not wall["present"] and draw.yes(0.2):
+        found["present"] = False
+    return found
 
 
 def _contact(draw: Draw) -> dict[str, Any]:
