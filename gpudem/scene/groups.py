@@ -24,6 +24,11 @@ if TYPE_CHECKING:
     from gpudem.scene.model import Scene
     from gpudem.scene.packing import InitialState
 
+#: How particles that are inserted can be held.
+INSTEAD = (
+    "to hold inserted ones, insert them in a run of its own (gpudem pack), and start from its file with"
+    " at_rest = true"
+)
 #: Values of `Scene.held`: a particle that moves freely, and one that is frozen.
 FREE, FROZEN = 0, -1
 
@@ -155,10 +160,13 @@ def problems(scene: Scene) -> list[str]:
             inserted = error.args[0] <= len(scene.stated_particles)
             what = "is inserted during the run, and stays free" if inserted else "no such particle"
             allowed = f"1 to {scene.start_count}, those at the start"
-            found.append(f"{key}.ids: {error.args[0]}: {what}; allowed: {allowed}")
+            found.append(
+                f"{key}.ids: {error.args[0]}: {what}; allowed: {allowed}" + f"; {INSTEAD}" * inserted
+            )
             continue
         if not len(rows):
-            found.append(f"{key}: no particle at the start is in group {group.name!r}")
+            none = f"{key}: no particle at the start is in group {group.name!r}"
+            found.append(none + f"; {INSTEAD}" * bool(scene.insert))
             continue
         both = rows[taken[rows] >= 0]
         if len(both):

@@ -257,6 +257,7 @@ class Scene(Model):
         arrays = {k: v for k, v in (data["particles"] or {}).items() if isinstance(v, np.ndarray)}
         if isinstance(self.particles, FromFile):
             data["particles"]["path"] = ""
+            del data["particles"]["at_rest"]  # what it does is in the velocities
             start = self.particles_at_start
             arrays = {field.name: getattr(start, field.name) for field in dataclasses.fields(start)}
         for name, values in sorted(arrays.items()):
@@ -361,7 +362,8 @@ class Scene(Model):
         if isinstance(p, Lattice):
             return lattice(p, self.material_index)
         if isinstance(p, FromFile):
-            return self.particle_file.state
+            state = self.particle_file.state
+            return state.at_rest() if p.at_rest else state
         return InitialState.from_explicit(p, self.material_index)
 
     @functools.cached_property

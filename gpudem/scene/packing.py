@@ -48,6 +48,12 @@ class InitialState:
         columns = {field.name: getattr(self, field.name)[:count] for field in dataclasses.fields(self)}
         return self if count == len(self) else InitialState(**columns)
 
+    def at_rest(self) -> InitialState:
+        """The same without velocities."""
+        none = np.zeros((len(self), 3))
+        none.setflags(write=False)
+        return dataclasses.replace(self, velocity=none, angular_velocity=none)
+
     def within(self, lo: Vector, hi: Vector, periodic: tuple[bool, bool, bool]) -> InitialState:
         """The same with positions on, or rounded by float32 beyond, a side lo..hi [m] brought onto it.
 

@@ -15,6 +15,7 @@ from gpudem.contact import registry
 from gpudem.contact.law import Slot, TangentialLaw
 from gpudem.contact.names import LawNames
 from gpudem.scene import wall_phases
+from gpudem.scene.groups import INSTEAD
 from gpudem.scene.laws import stated_laws
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.mesh_repair import oddities
@@ -209,7 +210,7 @@ def _groups(scene: Scene) -> Iterator[str]:
         if more.any():
             yield (
                 f"groups[{k}]: no effect on {int(more.sum())} particles that are inserted during the run and"
-                f" would be in {group.name!r}: they stay free"
+                f" would be in {group.name!r}: they stay free; {INSTEAD}"
             )
 
 

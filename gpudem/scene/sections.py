@@ -179,6 +179,8 @@ class FromFile(Model):
     """Material where the file has none."""
     radius: Annotated[float, RADIUS] | None = None
     """Radius where the file has none [m]."""
+    at_rest: Flag = False
+    """Velocities and angular velocities of the file count as 0: of a bed that groups hold."""
 
 
 class RadiusShare(Model):

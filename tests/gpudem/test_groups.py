@@ -7,6 +7,7 @@ import pytest
 
 from gpudem import Simulation
 from gpudem.driver import simulate as run
+from gpudem.errors import SceneError
 from gpudem.scene import Scene
 from gpudem.scene.groups import FREE
 from gpudem.solver.solver import Solver
@@ -179,3 +180,22 @@ def test_path_is_of_second_order_at_a_frozen_ball():
 def test_path_with_a_full_list():
     """Detects: windows of a contact with a frozen ball on one side of the pair only."""
     assert np.abs(thrown(1, 0.3) - thrown(1, 0.3, half_list=False)).max() < 1e-12
+
+
+def test_a_bed_from_a_file_is_held(tmp_path):
+    """Detects: velocities of a file that count with `at_rest`, or are lost without it, or not in the hash."""
+    bed = {
+        "position": [(0, 0, 0), (0, 0, 0.03)],
+        "velocity": [(0, 1e-3, 0), (0, 0, -1.0)],
+        "radius": [0.01, 0.01],
+    }
+    np.savez(tmp_path / "bed.npz", angular_velocity=np.ones((2, 3)), **bed)
+    stated = {"source": "file", "path": str(tmp_path / "bed.npz"), "material": "ball"}
+    with pytest.raises(SceneError, match=r"particle 1 has velocity \(0.0, 0.001, 0.0\) m/s of its own"):
+        on_one(particles=stated)
+    scene, moving = on_one(particles={**stated, "at_rest": True}), on_one(False, particles=stated)
+    assert not scene.state.velocity.any()
+    assert not scene.state.angular_velocity.any()
+    assert moving.state.velocity[1, 2] == -1.0
+    assert moving.hash != moving.replace(particles={"at_rest": True}).hash
+    assert Scene.from_json(scene.to_json()).hash == scene.hash
