@@ -48,7 +48,7 @@ def test_each_servo_begins_anew_where_the_wall_is():
     Detects: a servo that acts before or after its phase, one that keeps the integral or the place of the one
     before, a wall that does not stay where a servo has left it.
     """
-    steps, targets = 500, {1: 40.0, 3: 20.0}
+    steps, targets = 300, {1: 40.0, 3: 20.0}
     whole = press([DOWN], [servo(40.0, ki=0.5)], [], [servo(20.0, ki=0.5)], [UP], steps=steps)
     history = gpudem.simulate(whole).history
     assert history is not None
@@ -66,7 +66,7 @@ def test_each_servo_begins_anew_where_the_wall_is():
     assert history.work_plate.to_numpy()[1:] == pytest.approx(work, abs=1e-9 * np.abs(work).max())
 
 
-@pytest.mark.parametrize("stop", [100, 150, 250, 300, 390])
+@pytest.mark.parametrize("stop", [150, 250, 300])
 def test_two_parts_are_one_run(tmp_path, stop):
     """Detects: the place, sum or last error of a servo that acts, or has ended, not in the restart file."""
     every = {"restart_every": stop * DT, "frames_every": 100 * DT}
