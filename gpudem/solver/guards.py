@@ -141,16 +141,16 @@ def overlap_warnings(run: Run) -> list[str]:
     scene, limit = run.scene, overlap_limit(run.scene)
     if np.isinf(limit):
         return []
-    share, words = limit, ""
+    share, words, advice = limit, "", ""
     for time, rows, position in _states(run):
-        found, what = _deepest(scene, time, rows, position, share)
+        found, what, why = _deepest(scene, time, rows, position, share)
         if found > share:
-            share, words = found, f"{what} at t = {time:.6g} s"
+            share, words, advice = found, f"{what} at t = {time:.6g} s", why
     if not words:
         return []
     return [
         f"overlap of {share:.3g} of the radius: {words}; beyond {limit:g} no contact law holds, and gpudem"
-        f" ends a run: {OVERLAP_ADVICE}"
+        f" ends a run: {advice}"
     ]
 
 
@@ -174,9 +174,9 @@ def _states(run: Run) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
 
 def _deepest(
     scene: Scene, time: float, rows: np.ndarray, position: np.ndarray, limit: float
-) -> tuple[float, str]:
-    """(overlap / smaller radius, whose) of the deepest overlap above a share; (0, "") if there is none."""
-    share, words = 0.0, ""
+) -> tuple[float, str, str]:
+    """(overlap / smaller radius, whose, advice) of the deepest overlap above a share; 0 if there is none."""
+    share, words, advice = 0.0, "", OVERLAP_ADVICE
     radius, free = scene.state.radius[rows], scene.held[rows] == FREE
     for wall in walls_at(scene, time):
         depth = np.where(free, wall.overlap(position, radius) / radius, 0.0)
@@ -184,13 +184,14 @@ def _deepest(
             share = float(depth.max())
             words = f"particle {rows[np.argmax(depth)] + 1} in wall {wall.name}"
     if len(rows) < 2:
-        return share, words
+        return share, words, advice
     lo, hi = np.array(scene.domain.lo), np.array(scene.domain.hi)
     period = np.where(scene.domain.periodic, hi - lo, 0.0)
     inside = np.where(period > 0, np.mod(position - lo, hi - lo), position - lo)
     found = find_overlaps(inside, radius, period, max(limit, share), free)
     if found is None:
-        return share, words
+        return share, words, advice
     i, j = found.worst
     words = f"particles {rows[i] + 1} and {rows[j] + 1}"
-    return found.overlap / float(radius[[i, j]].min()), words
+    advice = pair_advice(scene, int(rows[i]), int(rows[j]), scene.steps(time))
+    return found.overlap / float(radius[[i, j]].min()), words, advice

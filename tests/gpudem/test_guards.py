@@ -184,3 +184,15 @@ def test_a_deep_overlap_in_the_output_of_another_code():
     lift = {**WALL, "motion": [{"type": "linear", "velocity": (0, 0, 30.0)}]}
     (found,) = guards.overlap_warnings(output_of(wall.replace(walls=[lift]), [0.004] * 10))
     assert "overlap of 0.567 of the radius: particle 1 in wall floor at t = 9e-05 s" in found
+
+
+def test_a_deep_insertion_in_the_output_of_another_code():
+    """Detects: a time step or material that is blamed for a particle inserted where another one is."""
+    ball = {"material": "ball", "radius": 0.005, "position": [(0.05, 0.05, 0.02)]}
+    onto = {**ball, "kind": "list", "time": 1e-5, "position": [(0.05, 0.05, 0.03)]}
+    scene = two(1.0, 1e-5, particles={**ball, "source": "explicit"}, insert=[onto])
+    (found,) = guards.overlap_warnings(output_of(scene, [0.02, 0.0245]))
+    assert "at t = 1e-05 s" in found
+    assert "insert[0] inserts particle 2 in this step where particle 1 is" in found
+    (found,) = guards.overlap_warnings(output_of(scene, [0.02, 0.02, 0.0245]))
+    assert "the material is too soft or the time step too long" in found
