@@ -49,6 +49,26 @@ def energies(scene: Scene, trace: Mapping[str, np.ndarray], free: bool = False) 
     return found
 
 
+def energy_that_left(scene: Scene, trace: Mapping[str, np.ndarray]) -> tuple[np.ndarray, int]:
+    """Kinetic and potential energy [J] that free particles have taken along by each time of a trace, (t,),
+    and how many they are.
+
+    Each takes what it has at the last time at which it is there; what it exchanges with others between that
+    time and the step in which it leaves is left out.
+    """
+    there = np.isfinite(trace["position"][..., 0])
+    last = len(there) - 1 - np.argmax(there[::-1], axis=0)
+    rows = np.flatnonzero(there.any(axis=0) & (last < len(there) - 1) & (scene.held == FREE))
+    last, mass = last[rows], scene.masses[rows]
+    x, v, w = (trace[name][last, rows] for name in ("position", "velocity", "angular_velocity"))
+    inertia = 0.4 * mass * scene.state.radius[rows] ** 2
+    kinetic = 0.5 * (mass * (v**2).sum(axis=1) + inertia * (w**2).sum(axis=1))
+    potential = -mass * np.sum(x * scene.gravity_at(trace["step"][last]), axis=1)
+    taken = np.zeros(len(there))
+    np.add.at(taken, last + 1, kinetic + potential)
+    return np.cumsum(taken), len(rows)
+
+
 def metrics(scene: Scene, trace: Mapping[str, np.ndarray], up: int | None, flow: int) -> dict[str, float]:
     """Name with unit -> value at the end of a run, or its mean over the last quarter."""
     count = len(trace["time"])

@@ -250,9 +250,16 @@ class Sanity:
 
     time: np.ndarray
     energy: np.ndarray
-    """Kinetic, potential and elastic energy of normal contacts [J] at these times, less what inserted
-    particles have brought and the work of walls; NaN where that is not known.
+    """Kinetic, potential and elastic energy of normal contacts [J] at these times, and what particles that
+    have left took along, less what inserted particles have brought and the work of walls; NaN where that is
+    not known.
     """
+    brought: np.ndarray
+    """Energy [J] that inserted particles have brought by these times."""
+    left: np.ndarray
+    """Energy [J] that particles have taken along by these times, as of the time of the trace before."""
+    leavers: int
+    """How many have left by the last time."""
     work: np.ndarray
     """Work of walls that move on the particles since the start [J] at these times; 0 where none moves."""
     unknown: str
@@ -292,9 +299,12 @@ def sanity(results: Results, plan: Plan, code: str) -> Sanity:
             [elastic_energy(scene, *one) for one in zip(states, walls, part["step"].tolist(), strict=True)]
         )
         kinetic, brought = bulk.energies(scene, whole)["kinetic"], inserted_energy(scene, part["step"])
+        left, leavers = bulk.energy_that_left(scene, whole)
+        left = left[looks]
         return Sanity(
             part["time"],
-            energy["kinetic"] + energy.get("potential", 0.0) + elastic - brought - work, work, unknown,
+            energy["kinetic"] + energy.get("potential", 0.0) + elastic + left - brought - work,
+            brought, left, leavers, work, unknown,
             float(kinetic.max()),
             np.array([len(s) for s in states]),
             max(s.largest_overlap(scene.state.radius) for s in states), _outside(scene, whole),

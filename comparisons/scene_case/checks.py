@@ -21,6 +21,8 @@ OVERLAP, STEPS = 0.1, 10.0
 AGREEMENT = "positions and speeds until the horizon: largest difference / what rounding explains"
 #: Change of the energy / largest kinetic energy.
 ENERGY = 0.05
+#: Difference of masses / mass of all particles.
+MASS = 1e-9
 #: Change of momentum / sum of m |v|: rounding of as many sums as there are steps and contacts.
 MOMENTUM = 1e-9
 
@@ -106,8 +108,7 @@ def energy_defined(scene: Scene) -> bool:
     gravity, periodic = np.array([at.gravity for at in scene.phase_scenes]), np.array(scene.domain.periodic)
     potential = scene.contact_range == 0 and not scene.needs.cohesion and not np.ptp(gravity, axis=0).any()
     vibrating = any(plane.speed > 0 for plane in scene.planes)  # steps back without a time of its own
-    defined = not ((gravity != 0) & periodic).any() and not vibrating and potential
-    return defined and not scene.exits  # energy leaves with the particles
+    return not ((gravity != 0) & periodic).any() and not vibrating and potential
 
 
 def conserved(scene: Scene) -> bool:
@@ -141,6 +142,8 @@ def each(plan: Plan) -> PerCode:
         ]  # fmt: skip
         if energy_defined(scene):
             made.append(_energy(plan, code))
+        if scene.exits:
+            made.append(_mass(plan, code))
         if not (scene.walls or scene.insert or scene.groups or scene.exits):
             made.append(
                 Check(
@@ -171,13 +174,18 @@ def _energy(plan: Plan, code: str) -> Check:
         if moving:
             movers = "walls and groups" if groups.moving(plan.scene) else "walls"
             note += f", work of {movers} {np.nanmax(np.abs(found.work)):.4g} J"
+        if plan.scene.insert:
+            note += f", brought by inserted particles {found.brought[-1]:.4g} J"
+        if plan.scene.exits:
+            note += f", taken along by {found.leavers} particles {found.left[-1]:.4g} J"
         return Measured(worst / found.scale, note=note)
 
     what = "change" if constant else "growth"
+    more = " and of particles that have left" if plan.scene.exits else ""
     less = " less the work of walls" if moving else ""
     return Check(
         name=(
-            f"energy with that of overlaps{less}: largest {what} / largest kinetic energy"
+            f"energy with that of overlaps{more}{less}: largest {what} / largest kinetic energy"
             f" ({codes.title(code)})"
         ),
         measure=measure, tolerance=ENERGY, unit="1", against="energy balance", mark="A", needs=(code,),
@@ -186,6 +194,36 @@ def _energy(plan: Plan, code: str) -> Check:
             "an unstable step, damping of the wrong sign, a stiffness that differs on the way out"
             + (", a wall that moves at another velocity than particles feel" if moving else "")
         ),
+    )  # fmt: skip
+
+
+def _mass(plan: Plan, code: str) -> Check:
+    """What came less what left by the history, against what is there by the trace."""
+
+    def measure(results: Results) -> Measured:
+        run = results[plans.SCENE, code]
+        columns = [f"removed_mass_{stated.name}" for stated in run.scene.exits]
+        missing = [c for c in columns if run.history is None or c not in run.history]
+        if missing or run.history is None:
+            raise Unmeasured(f"{codes.title(code)} does not tell {', '.join(missing)}")
+        whole, mass = analysis.trace(run), run.scene.masses
+        table = run.history.set_index("step")
+        steps = np.intersect1d(whole["step"], table.index)
+        left = table.loc[steps, columns].to_numpy().sum(axis=1)
+        if left[-1] == 0:
+            raise Unmeasured("nothing leaves")
+        there = np.isfinite(whole["position"][np.isin(whole["step"], steps), :, 0]) @ mass
+        come = np.concatenate([[0.0], np.cumsum(mass)])[
+            np.searchsorted(run.scene.arrival_steps, steps, side="right")
+        ]
+        worst = float(np.abs(come - left - there).max() / mass.sum())
+        return Measured(worst, note=f"{len(steps)} times; of {come[-1]:.4g} kg {left[-1]:.4g} kg left")
+
+    return Check(
+        name=f"mass that came less that left: largest difference from what is there ({codes.title(code)})",
+        measure=measure, tolerance=MASS, unit="1", against="conservation", mark="A", needs=(code,),
+        reason="sums of the masses of all particles, whose rounding is far smaller; none may be missing",
+        catches="a particle that is lost without being counted, or counted and still there",
     )  # fmt: skip
 
 

@@ -87,7 +87,7 @@ def sampled(scene: Scene, times: int, n_steps: int) -> Scene:
     rows = max(1, n_steps // HISTORY_ROWS)
     moving = [wall.name for wall in scene.wall_elements if wall.name in scene.moving_walls]
     groups = [group.name for group in scene.groups if group.motion]
-    if moving or groups:  # their work is read at times of the trace
+    if moving or groups or scene.exits:  # their work, and what has left, are read at times of the trace
         rows = stride * math.ceil(rows / stride)
     output = {
         "frames_every": None, "restart_every": None, "history": None,
