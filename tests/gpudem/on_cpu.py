@@ -10,6 +10,7 @@ import functools
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,8 +21,11 @@ from gpudem.scene import Scene
 from gpudem.solver.device import wp
 from gpudem.solver.solver import Solver
 from tests.gpudem.beds import MATERIALS, PAIRS, falling_bed, finish, gas
+from tests.gpudem.removals import draining
 from tests.gpudem.test_failures import escaping
+from tests.gpudem.test_group_motion import shaken
 from tests.gpudem.test_neighbor_list import layers
+from tests.gpudem.test_phases import PHASES, tilted
 from tests.gpudem.test_vibration import shaken_bed
 
 Table = dict[str, np.ndarray]
@@ -58,6 +62,15 @@ def two_materials() -> Scene:
 #: was 1.9e-10 from the CPU after 20 ms.
 SHAKEN = {"step": 4e-5, "duration": 0.01}
 
+#: The phases of `tilted`, within SHORT.
+EARLY = [{**phase, "start": phase["start"] - 0.011} for phase in PHASES]
+#: What takes particles beside the open side of `draining`.
+LEAVING = [
+    {"name": "corner", "every": 2.1e-3,
+     "region": {"kind": "block", "lo": (0, 0, 0), "hi": (0.03, 0.05, 0.01)}},
+    {"name": "old", "every": 1e-3, "age": 0.006},
+]  # fmt: skip
+
 SCENES = {
     "gas": lambda: gas(time={"step": 2e-6, "duration": 0.004}),
     "friction": bed,
@@ -70,6 +83,9 @@ SCENES = {
     "two materials": two_materials,
     "saw-tooth": lambda: shaken_bed(800, 0.0007, time=SHAKEN),
     "fast floor": lambda: shaken_bed(800, 0.0, time=SHAKEN),
+    "groups": lambda: shaken(count=300, time={**SHORT, "duration": 0.04}),
+    "phases": lambda: tilted(500, phases=EARLY, time=SHORT),
+    "removal": lambda: draining(300, remove=LEAVING, time={**SHORT, "duration": 0.02}),
 }
 
 
@@ -140,7 +156,9 @@ def thin(table: Table) -> Table:
 
 def apart(theirs: Table, ours: Table) -> float:
     """Largest difference of a column, over the particles that the first has, by its largest value."""
-    rows = theirs["id"] - 1 if "id" in theirs else slice(None)
+    rows: Any = slice(None)
+    if "id" in theirs:  # some may have left
+        rows = np.clip(np.searchsorted(ours["id"], theirs["id"]), 0, len(ours["id"]) - 1)
     found = [0.0]
     for column, values in theirs.items():
         if (scale := float(np.abs(values).max())) > 0:
