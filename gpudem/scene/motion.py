@@ -253,8 +253,9 @@ class Servo(Translation):
         e = 1 - F/target,   v = velocity_limit clip(kp e + ki integral e dt + kd de/dt, -1, 1)
 
     F is the force on the wall at the end of the last step, positive against the axis. The wall rests in the
-    first step. So does a servo that a phase begins, whose integral counts from there. Source: LIGGGHTS
-    manual, fix mesh/surface/stress/servo; black-box runs of 3.8.0.
+    first step. So does a servo that a phase begins, whose integral counts from there. Before its first step
+    e counts as 1, that without a force. Source: LIGGGHTS manual, fix mesh/surface/stress/servo; black-box
+    runs of 3.8.0.
     """
 
     type: Literal["servo"]

@@ -340,8 +340,8 @@ class ServoPath:
         self.servo, self.dt, self.liggghts = servo, dt, liggghts
         self._axis = servo.unit_axis
         #: Of the last step done and of the next one: step, way [m] along the axis, velocity [m/s]; then the
-        #: sum of e dt [s] and the last e.
-        self.state = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.nan])
+        #: sum of e dt [s] and the last e, at first that without a force.
+        self.state = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])  # mutate: first_error_of_servo
         #: Of the step for which the list was made: step, way [m].
         self.listed = np.array([-1.0, 0.0])
 
@@ -367,8 +367,7 @@ class ServoPath:
         servo, (_, _, _, way, speed, total, last) = self.servo, self.state.tolist()
         error = 1 + float(force @ self._axis) / servo.target
         total += error * self.dt
-        change = 0.0 if np.isnan(last) else (error - last) / self.dt
-        wanted = servo.kp * error + servo.ki * total + servo.kd * change
+        wanted = servo.kp * error + servo.ki * total + servo.kd * (error - last) / self.dt
         if self.liggghts and servo.ki > 0 and abs(wanted) > 1:
             total = (-math.copysign(1.0, wanted) - servo.kp * error) / servo.ki  # mutate: servo_reset
         next_speed = servo.velocity_limit * min(1.0, max(-1.0, wanted))  # mutate: servo_velocity

@@ -19,7 +19,15 @@ from tests.gpudem.beds import falling_bed
 WALL = {"kind": "plane", "name": "floor", "material": "ball", "point": (0, 0, 0), "normal": (0, 0, 1)}
 
 
-def two(speed: float, step: float, *, wall: bool = False, young: float = 5e6, radius=0.003, **more) -> Scene:
+def two(
+    speed: float,
+    step: float,
+    *,
+    wall: bool = False,
+    young: float = 5e6,
+    radius: float | list[float] = 0.003,
+    **more,
+) -> Scene:
     """Two spheres head-on, 1 mm apart, or one against the floor."""
     position = [(0.05, 0.05, 0.02), (0.05, 0.05, 0.027)]
     velocity = [(0, 0, speed / 2), (0, 0, -speed / 2)]

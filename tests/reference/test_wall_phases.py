@@ -99,7 +99,7 @@ def press(*motions: list[dict], moves: tuple[dict, ...] = (), rule: str = "liggg
 
 SCENES = {
     "servo_begins": lambda: press([SERVO], moves=(DOWN,)),
-    "servo_ends": lambda: press([], [SERVO], [UP], moves=(SERVO,)),
+    "servo_ends": lambda: press([], [{**SERVO, "kd": 1e-6}], [UP], moves=(SERVO,)),
     "servo_between_turns": lambda: press([SERVO], [TILT], [{**SERVO, "target": 0.1}], moves=(TILT,)),
     "starts": lambda: moved("starts", phases=phases((0.004, {"motion": [LINEAR]}))),
     "stops": lambda: moved("stops", LINEAR, phases=phases((0.004, {"motion": []}))),
