@@ -10,7 +10,6 @@ import functools
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -155,14 +154,18 @@ def thin(table: Table) -> Table:
 
 
 def apart(theirs: Table, ours: Table) -> float:
-    """Largest difference of a column, over the particles that the first has, by its largest value."""
-    rows: Any = slice(None)
-    if "id" in theirs:  # some may have left
-        rows = np.clip(np.searchsorted(ours["id"], theirs["id"]), 0, len(ours["id"]) - 1)
+    """Largest difference of a column by its largest value; infinite where the particles are others.
+
+    The first may be `thin`.
+    """
+    if "id" in theirs and len(theirs["id"]) != len(ours["id"]):
+        ours = thin(ours)
+    if "id" in theirs and not np.array_equal(theirs["id"], ours["id"]):
+        return np.inf
     found = [0.0]
     for column, values in theirs.items():
         if (scale := float(np.abs(values).max())) > 0:
-            found.append(float(np.abs(values - ours[column][rows]).max()) / scale)
+            found.append(float(np.abs(values - ours[column]).max()) / scale)
     return max(found)
 
 
