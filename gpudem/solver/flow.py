@@ -132,6 +132,10 @@ class FlowCounter:
         found = self._crossed.numpy()
         return {plane.name: found[k] for k, plane in enumerate(self._stated)}
 
+    def memory_bytes(self) -> dict[str, int]:
+        """Bytes of its arrays of particles, by name."""
+        return {"flow.side": 4 * self._side.size, "flow.crossed": 4 * self._crossed.size}
+
     def saved(self) -> dict[str, np.ndarray]:
         """For a restart file."""
         return {"flow_side": self._side.numpy().copy(), "flow_crossed": self._crossed.numpy().copy()}

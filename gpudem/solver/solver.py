@@ -711,7 +711,8 @@ class Solver:
 
     def memory_bytes(self) -> dict[str, int]:
         """Bytes of every device array, by name."""
-        return array_bytes(self.state, self.neighbors)
+        found = array_bytes(self.state, self.neighbors)
+        return found | (self._flow.memory_bytes() if self._flow is not None else {})
 
     def close(self) -> None:
         """End the threads."""

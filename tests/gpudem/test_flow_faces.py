@@ -89,6 +89,7 @@ def test_launches_of_many_steps(plain, options):
     solver.advance(leaking().n_steps - 1)
     solver.write_step(last=True)
     found = {name: int(count.sum()) for name, count in solver.crossings().items()}
+    assert solver.memory_bytes()["flow.crossed"] == 4 * 3 * len(leaking().state)
     assert found == {name: plain.history[f"flow_count_{name}"].iloc[-1] for name in ("disc", "wide", "low")}
     solver.close()
 
