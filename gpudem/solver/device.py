@@ -8,6 +8,7 @@ import os
 import threading
 import zlib
 from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,8 @@ import warp as wp
 from gpudem.errors import SimulationError
 
 _log_level_lock = threading.Lock()
+#: Files that modules share while they are compiled: two meet seldom, and then wait for one another.
+LOCKS = 64
 
 
 @contextlib.contextmanager
@@ -44,25 +47,34 @@ def find_device(name: str) -> Any:
 def compile_kernels(device: Any, kernels: Iterable[Any]) -> None:
     """Compile the modules of kernels for a device, or load them from Warp's cache, several at a time."""
     modules = list(dict.fromkeys(kernel.module for kernel in kernels))
-    with quiet(), _one_process(module.name for module in modules):
-        wp.force_load(device, modules, max_workers=cores())  # with the threads a block that each states
+
+    def load(module: Any) -> None:
+        with _one_process(module.name):
+            wp.force_load(device, [module])  # with the threads a block that it states
+
+    with quiet(), ThreadPoolExecutor(cores()) as pool:
+        list(pool.map(load, modules))
 
 
 @contextlib.contextmanager
-def _one_process(names: Iterable[str]) -> Iterator[None]:
-    """Modules that one process compiles are not compiled in another meanwhile: it waits, and loads them.
+def _one_process(name: str) -> Iterator[None]:
+    """A module that another process compiles is waited for, and then loaded.
 
-    Each has a byte of a file in Warp's cache, which lasts no longer than the process that locked it. Where
+    A file in Warp's cache is locked, no longer than the process lasts; modules share `LOCKS` of them. Where
     files cannot be locked, both compile.
     """
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(ImportError, OSError):  # not on Windows; a cache that cannot be written
             import fcntl
 
-            file = stack.enter_context((Path(wp.config.kernel_cache_dir or "") / "gpudem.lock").open("ab"))
-            for place in sorted({zlib.crc32(name.encode()) & 0x7FFFFFFF for name in names}):
-                fcntl.lockf(file, fcntl.LOCK_EX, 1, place)
+            file = stack.enter_context(lock_of(name).open("ab"))
+            fcntl.flock(file, fcntl.LOCK_EX)
         yield
+
+
+def lock_of(name: str) -> Path:
+    """The file that is locked while a module is compiled."""
+    return Path(wp.config.kernel_cache_dir or "") / f"gpudem_{zlib.crc32(name.encode()) % LOCKS}.lock"
 
 
 def cores() -> int:

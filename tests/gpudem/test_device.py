@@ -10,7 +10,6 @@ import subprocess
 import sys
 import threading
 import time
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -87,7 +86,8 @@ def test_a_module_that_another_process_compiles_is_waited_for():
         compiled.set()
 
     compile_it()
-    with compiling("another module") as other:
+    names = (f"module {k}" for k in range(100))
+    with compiling(next(name for name in names if device.lock_of(name) != device.lock_of(module))) as other:
         compile_it()
         other.kill()
     with compiling(module) as other:
@@ -103,11 +103,11 @@ def test_a_module_that_another_process_compiles_is_waited_for():
 
 def compiling(name: str) -> subprocess.Popen[str]:
     """A process that holds the lock of a module."""
-    file, place = str(Path(wp.config.kernel_cache_dir or "") / "gpudem.lock"), zlib.crc32(name.encode())
+    file = str(device.lock_of(name))
     program = f"""
 import fcntl
 file = open({file!r}, "ab")
-fcntl.lockf(file, fcntl.LOCK_EX, 1, {place & 0x7FFFFFFF})
+fcntl.flock(file, fcntl.LOCK_EX)
 print()
 input()
 """
