@@ -344,8 +344,7 @@ def walls_work(run: Run, part: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[
 def _stated_places(scene: Scene, wall: Wall, steps: np.ndarray) -> np.ndarray:
     """Where the stated motions of a wall, without its servos, take its torque point [m], (t, 3)."""
     path, point = scene.wall_paths[wall.name], np.array(wall.torque_point)
-    poses = [path.at(step, 1) for step in steps.tolist()]
-    return np.array([pose.rotation[0] @ point + pose.shift[0] for pose in poses])
+    return np.concatenate([path.at(step, 1).place_of(point) for step in steps.tolist()])
 
 
 def _told(run: Run, steps: np.ndarray) -> np.ndarray:

@@ -50,6 +50,10 @@ class Poses:
             self.velocity[begin:end], self.spin[begin:end], self.center[begin:end],
         )  # fmt: skip
 
+    def place_of(self, point: np.ndarray) -> np.ndarray:
+        """Where the wall's point that is at `point` [m] at the start is in each step [m], shape (k, 3)."""
+        return self.rotation @ point + self.shift
+
     def velocity_at(self, q: np.ndarray) -> np.ndarray:
         """Velocity [m/s] of the wall's points at q [m] in space, shape (k, 3)."""
         return self.velocity + np.cross(self.spin, q - self.center)

@@ -20,7 +20,6 @@ from gpudem.scene import Scene
 from gpudem.scene.mesh import Mesh
 from gpudem.scene.wall_phases import belts_that_change, motions
 from gpudem.scene.walls import Wall
-from gpudem.walls.motion import PhasedPath, WallPath
 from reference.liggghts import groups
 from reference.liggghts.contact_model import laws_of
 from reference.liggghts.errors import LiggghtsOutputError
@@ -193,15 +192,9 @@ def servo_ways(scene: Scene, folder: Path) -> dict[str, np.ndarray]:
     for wall in scene.wall_elements:
         if wall.name in scene.servos:
             moved = lines(scene, folder, wall.name)[:, 6:]
-            stated = _point(wall, scene.wall_paths[wall.name], len(moved)) - np.array(wall.torque_point)
-            found[wall.name] = moved - stated
+            point = np.array(wall.torque_point)
+            found[wall.name] = moved - (scene.wall_paths[wall.name].at(0, len(moved)).place_of(point) - point)
     return found
-
-
-def _point(wall: Wall, path: WallPath | PhasedPath, count: int) -> np.ndarray:
-    """Where a path takes the torque point of a wall in the first steps [m], (count, 3)."""
-    poses = path.at(0, count)
-    return poses.rotation @ np.array(wall.torque_point) + poses.shift
 
 
 def triangle_forces(scene: Scene, folder: Path, step: int) -> dict[str, np.ndarray]:
@@ -272,7 +265,7 @@ def _work(scene: Scene, wall: Wall, folder: Path) -> np.ndarray:
         power = force @ np.array(wall.surface_velocity)
     else:
         poses = path(scene, wall.name).at(0, count)
-        point = _point(wall, path(scene, wall.name), count)
+        point = poses.place_of(np.array(wall.torque_point))
         if wall.name in scene.servos:
             point = table[:, 6:] + np.array(wall.torque_point)
         power = np.sum(force * poses.velocity_at(point), axis=1) + np.sum(torque * poses.spin, axis=1)

@@ -222,8 +222,7 @@ def _place_then(scene: Scene, mesh: Mesh, phase: int, step: int) -> tuple[tuple[
     """Variables with all digits: where the torque point of a mesh is at the start of a phase [m], and how far
     servos have moved it beyond its stated motions.
     """
-    pose = path(scene, mesh.name).at(step, 1)
-    stated, found = pose.rotation[0] @ np.array(mesh.torque_point) + pose.shift[0], []
+    stated, found = path(scene, mesh.name).at(step, 1).place_of(np.array(mesh.torque_point))[0], []
     for k, x in enumerate(stated.tolist()):
         name, now = f"{mesh.name}_{phase}_{'xyz'[k]}", f"f_mesh_{mesh.name}[{k + 7}]"
         found += [(f"point_{name}", f"$({now})"), (f"moved_{name}", f"$({now}-({number(x)}))")]
