@@ -2,8 +2,8 @@
 
 Of a plane: from the particles and mass beyond it in the thermo rows; what has passed is what is beyond, and
 what left from there, less what came there. Of a face, and of a plane where it is not known on which side a
-particle was when it left: from the crossings, which are summed up in every step. (The
-binary's own `fix massflow/mesh` counts one direction only.)
+particle was when it left: from the crossings, which are summed up in every step. (The binary's own
+`fix massflow/mesh` counts one direction only.)
 """
 
 from __future__ import annotations
@@ -124,7 +124,12 @@ def columns(scene: Scene) -> list[str]:
     and their mass [kg], means over the steps since the line before.
     """
     watched = [f"{what}_{plane.name}" for plane in _watched(scene) for what in ("beyond", "mass_beyond")]
-    return watched + [f"{what}_{s.name}" for s in _counted(scene) for what in ("crossed", "mass_crossed")]
+    return watched + _sums(scene)
+
+
+def _sums(scene: Scene) -> list[str]:
+    """Names of the columns of crossings and their mass."""
+    return [f"{what}_{s.name}" for s in _counted(scene) for what in ("crossed", "mass_crossed")]
 
 
 def summed(scene: Scene, column: dict[str, np.ndarray], stride: int) -> dict[str, np.ndarray]:
@@ -132,8 +137,7 @@ def summed(scene: Scene, column: dict[str, np.ndarray], stride: int) -> dict[str
 
     column: of all thermo lines, `stride` steps apart.
     """
-    names = [f"{what}_{s.name}" for s in _counted(scene) for what in ("crossed", "mass_crossed")]
-    return {name: np.cumsum(column[name] * stride) for name in names}
+    return {name: np.cumsum(column[name] * stride) for name in _sums(scene)}
 
 
 def _side_of_exit(scene: Scene, plane: FlowPlane) -> bool | None:
